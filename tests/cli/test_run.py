@@ -372,6 +372,21 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
     assert again.stdout == result.stdout
 
 
+def test_strides_chosen_on_the_way(folder, tdint):
+    result = tdint("run", "shaken.yaml", "--method", "moment4", "--tolerance", "0.1%", "-o", "out")
+    assert result.exit_code == 0
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    shortest, longest = summary["step_range_s"]
+    assert shortest < summary["dt_s"] < longest
+    assert summary["check"]["drift_error"] <= 0.001 and summary["check"]["samples_in_the_step"] is None
+    assert f"{summary['steps']} steps of {shortest:.6g} to {longest:.6g} s" in result.stderr
+    assert f"within 0.1 %, in one run: {summary['dt_s']:.3g} s on average." in result.stderr
+    assert f"It takes {summary['iterations']} solves." in result.stderr
+    drawn = tdint("run", "shaken.yaml", "--method", "moment4", "--tolerance", "0.1%", "--history=h.csv")
+    assert "Step chosen for peak drifts within 0.1 %" in drawn.stderr and "the steps are equal, for a" in drawn.stderr
+    assert len((folder / "h.csv").read_text().splitlines()) > 100
+
+
 def test_a_tolerance_that_is_not_reached(folder, tdint):
     result = tdint("run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out")
     check_error(result, 5, "houbolt does not come within 1e-10 %")

@@ -135,7 +135,14 @@ def run_sequence(
     assert joined.record is not None
     duration = joined.record.duration
     response = run_case(
-        joined, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
+        joined,
+        dt=dt,
+        duration=duration,
+        history=history,
+        check=check,
+        tolerance=tolerance,
+        until_rest=until_rest,
+        equal=True,
     )
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(response, shocks=shocks_of(joined, sequence, steps, check=response.check is not None))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from building_cases import noise, oscillator, ten_bilinear, ten_linear
-from tdint import prepare, run
+from tdint import prepare, run, run_case
+from tdint.analysis.run import prepared, step_choice
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.step_choice import choose_step
+from tdint.analysis.run.steps import Bound
 from tdint.errors import UsageError
 
 DT = 0.01
@@ -108,10 +112,112 @@ def test_a_case_chooses_its_own_step():
 @pytest.mark.parametrize("tolerance", [0.05, 1e-4])
 def test_runs_that_tell_their_error_choose_the_step(tolerance):
     """The first one has a step that is far too long: it is repeated only where its size is asked for, above 1 %."""
-    response = run(ten_bilinear(), noise(), method="moment4", tolerance=tolerance)
+    response = run(ten_bilinear(), noise(), method="moment4", tolerance=tolerance, history=True)
     assert response.check.drift_error <= tolerance
     truth = run(ten_bilinear(), noise(), method="impulse4", dt=DT / 64).stories.peak_drift
     assert np.max(np.abs(response.stories.peak_drift / truth - 1.0)) <= tolerance
     if tolerance < 0.01:
         assert response.check.choice.runs == 1 + np.log2(0.08 / response.dt)
         assert response.check.corrected is not None
+
+
+# ---- Strides of moment4, chosen on the way
+
+NAMES = ("peak_drift", "peak_velocity", "peak_acceleration", "peak_shear", "peak_total_shear", "residual_drift")
+
+
+@pytest.mark.parametrize("model", [ten_bilinear, ten_linear])
+def test_strides_are_chosen_on_the_way(model):
+    """For each tolerance the true error is within it, and energy is kept as at any step of moment4; a smaller one takes
+    more of them."""
+    truth = run(model(), noise(), method="impulse4", dt=DT / 64).stories.peak_drift
+    taken = []
+    for tolerance in (1e-2, 1e-3, 1e-4, 1e-6):
+        response = run(model(), noise(), method="moment4", tolerance=tolerance)
+        assert response.check.choice.tolerance == tolerance
+        assert response.check.drift_error <= tolerance
+        assert np.max(np.abs(response.stories.peak_drift / truth - 1.0)) <= tolerance + 1e-7
+        shortest, longest = response.step_range
+        assert DT / 256 <= shortest < response.dt < longest <= 16 * DT
+        assert np.log2(shortest / DT) % 1.0 == np.log2(longest / DT) % 1.0 == 0.0
+        assert response.steps * response.dt == pytest.approx(8.0)
+        assert abs(response.energy.error) < 1e-9
+        taken.append(response.steps)
+    assert taken == sorted(set(taken))
+
+
+def strided(parts, longest, allowed=np.inf):
+    """The march of ten stories in strides of up to so many parts of a sample, and their case. Drifts are taken for
+    their peaks from the start."""
+    case, _ = prepare(ten_bilinear(), noise(), method="moment4").carrying_error()
+    units = case.steps(DT / parts)
+    return case, case.march(replace(units, stride=longest, bound=Bound(allowed, np.full(10, 0.01))))
+
+
+@pytest.mark.parametrize(("parts", "longest"), [(1, 1), (8, 8), (2, 1)])
+def test_equal_strides_are_equal_steps_bit_for_bit(parts, longest):
+    case, found = strided(parts, longest)
+    other = case.march(case.steps(DT * longest / parts))
+    assert (found.steps, found.iterations, found.energy) == (other.steps, other.iterations, other.energy)
+    for name in NAMES:
+        assert np.array_equal(getattr(found.stories, name), getattr(other.stories, name))
+        assert np.array_equal(getattr(found.check.corrected, name), getattr(other.check.corrected, name))
+
+
+def test_long_strides_are_steps_over_several_samples():
+    """But for the first ones, which lead up to them."""
+    case, found = strided(1, 4)
+    assert found.step_range == (DT, 4 * DT)
+    other = case.march(case.steps(4 * DT))
+    assert 0 < found.steps - other.steps < 4
+    for name in NAMES:
+        assert getattr(found.stories, name) == pytest.approx(getattr(other.stories, name), rel=2e-3, abs=1e-6)
+
+
+def test_strides_go_with_the_fourth_root_of_what_they_may_miss():
+    """So the error goes with it: to a sixteenth half of the stride."""
+    taken = [strided(256, 4096, allowed)[1].steps for allowed in (1.6e-2, 1e-3, 6.25e-5)]
+    assert np.diff(np.log2(taken)) == pytest.approx([1.0, 1.0], abs=0.2)
+
+
+def test_the_pieces_of_a_strided_march_do_not_show(monkeypatch):
+    """It is cut by time, so that it can be interrupted."""
+    case = prepare(ten_bilinear(), noise(), method="moment4")
+    whole = run_case(case, tolerance=1e-3)
+    monkeypatch.setattr(prepared, "_FIRST_PIECE", 70)
+    monkeypatch.setattr(prepared, "_PIECE", 1e-9)
+    pieces = run_case(case, tolerance=1e-3)
+    assert np.array_equal(pieces.stories.peak_drift, whole.stories.peak_drift)
+    assert (pieces.steps, pieces.step_range, pieces.energy) == (whole.steps, whole.step_range, whole.energy)
+
+
+def test_a_strided_run_beyond_the_tolerance_is_made_again(monkeypatch):
+    monkeypatch.setattr(step_choice, "_MISSED", 1e4)
+    response = run(ten_bilinear(), noise(), method="moment4", tolerance=1e-3)
+    assert response.check.choice.runs > 1 and response.check.drift_error <= 1e-3
+    monkeypatch.setattr(step_choice, "_TRIES", 1)
+    equal = run(ten_bilinear(), noise(), method="moment4", tolerance=1e-3)
+    assert equal.step_range is None and equal.check.drift_error <= 1e-3
+    assert "the steps are equal, for those chosen on the way did not come within the tolerance" in equal.notes
+
+
+@pytest.mark.parametrize("given", [{"history": True}, {"dt": DT}, {"method": "moment4:rho_inf=0.5"}])
+def test_steps_are_equal_where_they_have_to_be(given):
+    """Rows of a history are equally far from each other, a step that is given is the largest, and rho_inf below 1
+    carries no error along. A history is told why."""
+    response = run(ten_linear(), noise(), **{"method": "moment4", "tolerance": 1e-3} | given)
+    assert response.step_range is None and response.check.drift_error <= 1e-3
+    assert any("steps are equal" in note for note in response.notes) == ("history" in given)
+
+
+def test_strides_until_rest():
+    response = run(ten_bilinear(), noise(), method="moment4", tolerance=1e-3, until_rest=True)
+    assert response.rest_time == pytest.approx(response.steps * response.dt)
+    assert response.rest_time > 8.0 and response.step_range[1] > 4 * DT
+    assert np.max(response.moving_drift) < 2e-3 * np.max(response.stories.peak_drift)
+
+
+def test_strides_of_a_building_that_collapses_are_equal():
+    record = noise().scaled(50.0)
+    response = run(ten_bilinear(), record, method="moment4", tolerance=1e-2)
+    assert response.status == "collapsed" and response.step_range is None

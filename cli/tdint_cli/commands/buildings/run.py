@@ -149,7 +149,8 @@ class Request(BuildingRequest, SuiteRequest):
     type=Ratio(0.0, 1.0, min_open=True, max_open=True),
     metavar="1%",
     help="Take the largest step with which the estimated error of every peak drift is within this part of it: from "
-    "several sampling intervals of the record, or from --dt, down to a 256th; the columns of --check are there, too.",
+    "several sampling intervals of the record, or from --dt, down to a 256th. moment4 chooses its steps on the way. "
+    "The columns of --check are there, too.",
 )
 @drift_limit("--limit")
 @options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
@@ -282,7 +283,9 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         # The errors of each shock alone take repetitions: only of one who asked for them.
         wanted["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **wanted)
-    return run_case(case, duration=request.duration, **wanted)
+    # A history, which a picture draws, has rows that are equally far from each other.
+    equal = bool(_history(request) or _picture(request) or request.report)
+    return run_case(case, duration=request.duration, equal=equal, **wanted)
 
 
 def _shocks(model: Model, request: Request) -> list[Record]:
@@ -478,7 +481,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     lines = [
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
-        f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
+        f"{response.method}: {how_many(response.steps, 'step')} of {_lengths(response)} s, "
         f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
         f"Largest {_largest(response.model, response.stories, units)}.",
     ]
@@ -553,8 +556,21 @@ def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
     return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 
+def _lengths(response: Response) -> str:
+    """How long the steps are, s."""
+    if response.step_range is None:
+        return f"{response.dt:.6g}"
+    return "{:.6g} to {:.6g}".format(*response.step_range)
+
+
 def _chosen(response: Response, choice: StepChoice) -> str:
     """The step that was chosen, and what it costs."""
+    if response.step_range is not None:
+        runs = "in one run" if choice.runs == 1 else f"in the last of {choice.runs} runs"
+        return (
+            f"Steps chosen on the way for peak drifts within {100.0 * choice.tolerance:g} %, {runs}: "
+            f"{response.dt:.3g} s on average.\nIt takes {response.iterations} solves."
+        )
     line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:

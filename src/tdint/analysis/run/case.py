@@ -23,6 +23,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.march.many import CODE
+from tdint.kernels.march.strides import LONGEST, SHORTEST, TAKEN
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, falling_stories
 from tdint.model.definition import Model
@@ -268,7 +269,7 @@ class Case:
         moving = run_totals.moving_drift(self.building, space)
         kept, carries = space.history.size, self.integrator.family.carries_error
         history = run_totals.history(self.building, self.prepared.forces, space, steps.h) if kept else None
-        return Response(
+        response = Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
@@ -292,6 +293,16 @@ class Case:
             collapse=collapse,
             check=run_totals.carried_error(self.building, space, stories, unresolved) if carries else None,
             warnings=(*_imbalance(energy), *falling_stories(self.model)),
+        )
+        if space.choice is None:
+            return response
+        shortest, longest, taken = space.choice[[SHORTEST, LONGEST, TAKEN]].tolist()
+        return replace(
+            response,
+            dt=steps.h * steps.count / taken,
+            steps=int(taken),
+            step_range=(steps.h * shortest, steps.h * longest),
+            pieces=None,
         )
 
     def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.many import many
+from tdint.kernels.march.strides import march_in_strides
 from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.oscillators.modal_sums import largest_drifts
@@ -36,7 +37,7 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
     steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
     families = {parse(name).family.name: parse(name).family for name in catalogue()}
     steps += [(one.with_error.step, EVERYTHING) for one in families.values() if one.with_error]
-    others = (many, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    others = (many, march_in_strides, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 
 

@@ -156,7 +156,7 @@ class StepChoice:
     runs : int
         Runs with other steps, or this one, that were made for it.
     samples : float or None
-        Sampling intervals of the record in the step; None without a record.
+        Sampling intervals of the record in the step; None without a record, and where steps were chosen on the way.
     solves_at_record : int or None
         Solves of a run with the record's own step, where there was one.
     """
@@ -396,7 +396,9 @@ class Response(Tabular):
     method : str
         The method with all its parameters.
     dt, steps : float, int
-        Time step (s) and number of steps.
+        Time step (s), the mean of those that were chosen on the way, and number of steps.
+    step_range : tuple of float or None
+        The shortest and the longest step, s, where they were chosen on the way.
     iterations, halvings, events : int
         Solves; steps that were halved to converge; changes of branch that were located.
     march_time : float
@@ -448,6 +450,7 @@ class Response(Tabular):
     pieces: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
     shocks: tuple[Shock, ...] = ()
+    step_range: tuple[float, float] | None = None
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

@@ -34,6 +34,7 @@ from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, many
 from tdint.kernels.march.march import march
+from tdint.kernels.march.strides import ALLOWED, DRIFTS, PERIOD, march_in_strides
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table, variant
 from tdint.model.definition import Model
@@ -267,6 +268,12 @@ class PreparedBuilding:
             raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
         space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
         space.every = steps.count // rows if rows else 1
+        if steps.bound:
+            obtain([(march_in_strides, self.variant)])
+            space.flags[at.FAST] = self.building.fastest * steps.h / _RESOLVED
+            space.choice = np.zeros(DRIFTS + self.building.stories)
+            space.choice[ALLOWED], space.choice[PERIOD] = steps.bound.allowed, self.period
+            space.choice[DRIFTS:] = steps.bound.drifts
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began = time.perf_counter()
         code = self._in_pieces(go, steps)
@@ -459,7 +466,12 @@ class PreparedBuilding:
         halvings = HALVINGS if integrator.family.halvable else 0
 
         def go(steps: Steps, first: int, last: int) -> int:
-            code: int = march.variant(self.variant)(
+            code: int
+            if steps.bound:
+                units = (steps.count, last, steps.per_sample, steps.stride, h)
+                code = march_in_strides.variant(self.variant)(*called, *units, space.choice, *arrays)
+                return code
+            code = march.variant(self.variant)(
                 *called,
                 *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
                 *arrays,
@@ -472,6 +484,8 @@ class PreparedBuilding:
         """March over the steps that are left in pieces that take about `_PIECE`, between which Python can be
         interrupted. 0, or the code of the step that failed."""
         done, size = steps.done, max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        if steps.bound:
+            size *= steps.per_sample
         while True:
             last = min(done + size, steps.count)
             began = time.perf_counter()

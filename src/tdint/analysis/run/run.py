@@ -56,7 +56,8 @@ def run(
     tolerance : float or str, optional
         Take the largest step with which the estimated error of every peak drift is within this part of it: from
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
-        (`tdint.analysis.run.step_choice`). The response is checked.
+        (`tdint.analysis.run.step_choice`). moment4 chooses its steps on the way, unless dt is given, or a history is
+        kept, whose rows are equally far from each other. The response is checked.
     until_rest : bool
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
         at rest then.
@@ -114,19 +115,19 @@ def run_case(
     check: bool | None = False,
     tolerance: float | str | None = None,
     until_rest: bool = False,
+    equal: bool = False,
 ) -> Response:
-    """Integrate a case in time. Parameters and errors are those of `run`."""
+    """Integrate a case in time. Parameters and errors are those of `run`; `equal`: steps for a tolerance, too."""
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
-        response = run_case(
-            case, dt=dt, duration=steps.count * steps.h, history=history, check=check, tolerance=tolerance
-        )
+        end = steps.count * steps.h
+        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance, equal=equal)
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
 
-        return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
+        return choose_step(case, tolerance, dt=dt, duration=duration, history=history, equal=equal)
     steps = case.steps(dt, duration)
     if check is False:
         return case.march(steps, history)

@@ -4,6 +4,10 @@ It is looked for among steps that are halves of one another, from a coarse one o
 record, as far as the building's first mode allows, or the step that was asked for. Each is judged by runs with its half
 and its quarter, which are the next ones in the row, or by the error that its own run carries along: to come down from
 far above costs little more than to begin at the step that is taken.
+
+moment4, which carries its error along, chooses its steps on the way instead (`tdint.kernels.march.strides`): a sampling
+interval halved or doubled so many times, long where the motion is weak. What a stride may miss goes with the tolerance;
+whether that was little enough the error says to which the run has come, else it is made again with less.
 """
 
 from __future__ import annotations
@@ -11,11 +15,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
-from tdint.analysis.run.steps import Steps, choose_steps, finer
-from tdint.errors import UsageError
+from tdint.analysis.run.steps import MOST_STEPS, Bound, Steps, choose_steps, finer
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.arrays import Array
+from tdint.errors import AnalysisError, UsageError
+from tdint.kernels import layout as at
 
 _PER_PERIOD = 8.0
 """Steps in the building's first period, at least, to begin with; half as many are tried if that will do."""
@@ -29,11 +38,36 @@ _SAME = 1e-9
 _MOST_HALVINGS = 8
 """Halvings of the record's step, or of the one that was asked for, after which the search ends."""
 
+_MISSED = 100.0
+"""What a stride may miss, over the tolerance."""
+
+_LONGEST = 4
+"""Doublings of the record's step that a stride may always have; else `_FEWEST` in the first period."""
+
+_LEAST = 0.25
+"""Part of the peak drifts of the elastic first mode that stories are taken to come to at least: quiet starts need not
+be followed as closely as what comes."""
+
+_TRIES = 3
+"""Runs with steps chosen on the way, until one is within the tolerance."""
+
+_AIM = 2.0 / 3.0
+"""Error over the tolerance that a run may tell: it may be told too small."""
+
+_AGAIN = 1.0 / 16.0
+"""What strides may miss, over that of the run before, where its error is in doubt: half of the strides."""
+
 
 def choose_step(
-    case: Case, tolerance: float, *, dt: float | None = None, duration: float | None = None, history: bool = False
+    case: Case,
+    tolerance: float,
+    *,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    equal: bool = False,
 ) -> Response:
-    """The response with the largest step whose peak drifts are within a tolerance, checked.
+    """The response, checked, with steps chosen on the way, or the largest equal one, that keep to a tolerance.
 
     Parameters
     ----------
@@ -44,7 +78,9 @@ def choose_step(
     duration : float, optional
         As for `Case.steps`.
     history : bool
-        Keep the whole response.
+        Keep the whole response, at equal steps.
+    equal : bool
+        Take equal steps in any case.
 
     Raises
     ------
@@ -53,8 +89,16 @@ def choose_step(
     FailedRun
         No step down to a 256th of the record's, or of `dt`, is within it, or none gives a response.
     """
+    _check(tolerance)
+    why = ""
+    if dt is None and case.model.analysis.dt is None:
+        found = _on_the_way(case, tolerance, duration, equal or history)
+        if isinstance(found, Response):
+            return found
+        why = found
     search, level = _searched(case, tolerance, dt, duration, math.inf)
-    return search.taken(level, history)
+    response = search.taken(level, history)
+    return replace(response, notes=(*response.notes, why)) if why else response
 
 
 def step_within(
@@ -68,12 +112,58 @@ def step_within(
     return search.steps(level).h
 
 
+def _check(tolerance: float) -> None:
+    if not 0.0 < tolerance < 1.0:
+        raise UsageError(f"a tolerance lies between 0 and 1 (100 %), got {tolerance:g}")
+
+
+def _on_the_way(case: Case, tolerance: float, duration: float | None, equal: bool) -> Response | str:
+    """The response with steps chosen on the way; why there is none, or nothing where the method has none."""
+    carrying, _ = case.carrying_error()
+    record = case.record
+    if carrying is None or record is None:
+        return ""
+    if equal:
+        return "the steps are equal, for a history or a sequence; without one moment4 chooses them on the way"
+    asked = case.steps(None, duration)
+    if asked.count * 2**_MOST_HALVINGS > MOST_STEPS:
+        return "the steps are equal, for there are too many of them"
+    longest = 2 ** (max(_LONGEST, _samples(case, asked, _FEWEST)) + _MOST_HALVINGS)
+    units = choose_steps(record.dt / 2**_MOST_HALVINGS, asked.count * asked.h, record.dt, record.duration)
+    units = replace(units, stride=longest, end=asked.end)
+    drifts, aim = _least_drifts(case), _AIM * min(tolerance, TOLD)
+    allowed = _MISSED * aim
+    for runs in range(1, _TRIES + 1):
+        response = attempt(carrying, replace(units, bound=Bound(allowed, drifts)))
+        if isinstance(response, FailedRun) or response.collapse or response.check is None:
+            break
+        error = response.check.drift_error
+        if error is not None and error <= aim and not doubt(response, case.building):
+            choice = StepChoice(tolerance, runs, samples=None, solves_at_record=None)
+            return replace(response, check=replace(response.check, choice=choice))
+        allowed *= max(_AIM * aim / error, 0.01) if error is not None and error > aim else _AGAIN
+    return "the steps are equal, for those chosen on the way did not come within the tolerance"
+
+
+def _least_drifts(case: Case) -> Array:
+    """A part of the peak drifts of the elastic first mode, m; shape (n,)."""
+    assert case.record is not None
+    omega, damping = case.building.first_mode()
+    try:
+        largest = float(spectrum(case.record, np.array([2.0 * math.pi / omega]), damping).sd[0])
+    except (AnalysisError, UsageError):  # no oscillator, such as a period too short for the motion
+        largest = case.record.pga / omega**2
+    shape = case.building.vibration.first[1]
+    drifts = shape - case.building.linear_terms[at.LINK, :-1] * np.concatenate([[0.0], shape[:-1]])
+    part = _LEAST * largest * float(case.building.mass @ shape)
+    return np.asarray(np.maximum(part * np.abs(drifts), np.finfo(float).tiny))
+
+
 def _searched(
     case: Case, tolerance: float, dt: float | None, duration: float | None, largest: float
 ) -> tuple[_Search, int]:
     """The search, and the level that it finds among steps up to `largest`."""
-    if not 0.0 < tolerance < 1.0:
-        raise UsageError(f"a tolerance lies between 0 and 1 (100 %), got {tolerance:g}")
+    _check(tolerance)
     asked = case.steps(dt, duration)
     fixed = dt is not None or case.model.analysis.dt is not None or case.record is None
     search = _Search(case, tolerance, asked, 0 if fixed else _samples(case, asked, _PER_PERIOD))

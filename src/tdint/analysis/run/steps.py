@@ -5,9 +5,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from tdint.arrays import Array
 from tdint.errors import UsageError
 
 _SAME = 1e-9  # steps that differ by less than this part are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """What strides are chosen by on the way (`tdint.kernels.march.strides`).
+
+    Attributes
+    ----------
+    allowed : float
+        What a stride may miss; the error of a run goes with it.
+    drifts : ndarray, shape (n,)
+        What the peak drifts of the stories are taken for at least, m.
+    """
+
+    allowed: float
+    drifts: Array
 
 
 @dataclass(frozen=True)
@@ -16,6 +33,9 @@ class Steps:
 
     They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count` so many may be
     `done`.
+
+    With a `bound` these are units: steps of 1, 2, 4 ... `stride` of them are chosen on the way, and `per_sample` are a
+    sampling interval.
     """
 
     h: float
@@ -24,6 +44,7 @@ class Steps:
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
     done: int = 0
+    bound: Bound | None = field(default=None, compare=False)
 
     @property
     def late(self) -> float:

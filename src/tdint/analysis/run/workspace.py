@@ -33,7 +33,8 @@ _WITH_RESULTS = 2.5
 class Workspace:
     """What a march reads and writes; all tables have one column per story and one that stays zero.
 
-    Of the history every so many steps have a row, and some rows stand before those that are there.
+    Of the history every so many steps have a row, and some rows stand before those that are there. `choice` is what
+    strides are chosen by on the way, if they are.
     """
 
     state: Array
@@ -48,6 +49,7 @@ class Workspace:
     history: Array
     every: int = 1
     before: int = 0
+    choice: Array | None = None
 
     def forget_peaks(self, integrator: Integrator, modes: int) -> None:
         """Look for peaks anew, also where the method keeps some of its own."""

@@ -47,7 +47,7 @@ RUNAWAY = 1e6
 
 
 @inlined
-def _start(begin, take_stock, scene, ground, memory, seen):
+def start(begin, take_stock, scene, ground, memory, seen):
     """Drift laws, acceleration and energy of the initial state."""
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
@@ -62,7 +62,7 @@ def _start(begin, take_stock, scene, ground, memory, seen):
 
 
 @inlined
-def _ran_away(state, n):
+def ran_away(state, n):
     here = True
     for i in range(n):
         here &= abs(state[at.DISPLACEMENT, i]) < RUNAWAY
@@ -70,7 +70,7 @@ def _ran_away(state, n):
 
 
 @called
-def _watch(take_stock, scene, memory, steps, seen):
+def watch_limits(take_stock, scene, memory, steps, seen):
     """Note a collapse that has not been noted yet."""
     if seen.totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(memory.springs, seen):
         sum_up(take_stock, scene, memory, seen)
@@ -104,7 +104,7 @@ def march(
     fast = flags[at.FAST] != 0.0
     ground_0 = ground_at(ground, first, per_sample, stride)
     if first == 0:
-        _start(begin, take_stock, scene, ground_0, memory, seen)
+        start(begin, take_stock, scene, ground_0, memory, seen)
         if beyond_limits(springs, seen):
             note_collapse(springs, 0, seen)
         if history.shape[0] > 0:
@@ -136,7 +136,7 @@ def march(
             code = take_step(step, coefficients, scene, piece * h, load, memory)
             if code < 0:
                 if code == at.NOT_FINITE or piece <= smallest:
-                    _watch(take_stock, scene, memory, s, seen)
+                    watch_limits(take_stock, scene, memory, s, seen)
                     return code
                 piece *= 0.5
                 totals[at.HALVINGS] += 1.0
@@ -151,10 +151,10 @@ def march(
                 take_shears(raise_shears, scene, memory, seen)
         report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         totals[at.STEPS_REACHED] += 1.0
-        if _ran_away(state, linear_terms.shape[1] - 1):
+        if ran_away(state, linear_terms.shape[1] - 1):
             return at.NOT_FINITE
         if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(springs, seen):
-            _watch(take_stock, scene, memory, s + 1, seen)
+            watch_limits(take_stock, scene, memory, s + 1, seen)
         if history.shape[0] > 0 and (s + 1) % every == 0:
             sum_up(take_stock, scene, memory, seen)
             store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every - before)
