@@ -37,7 +37,6 @@ from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.carried.error import begin_error, carry_error
 from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
-from tdint.kernels.equations.carried.within import raise_ends
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP
@@ -66,14 +65,12 @@ def step_with_error(
     memory = Memory(state, springs, work, report)
     if report[at.ERROR_BEGUN] == 0.0:
         begin_error(scene, memory)
-        raise_ends(scene, memory)
     mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
     carry_error(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
-    raise_ends(scene, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
 
 

@@ -106,7 +106,7 @@ def move(coefficients, scene, h, memory):
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, work)
-        solve(modal, h, work, n)
+        solve(modal, h, work, ROW.X, n)
         last = _correct(state, work, n)
         iterations += 1
         before = size
@@ -148,7 +148,7 @@ def _keep_to_branches(coefficients, scene, h, memory):
             for row in range(4):
                 work[ROW.PATH + path.MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
         _factor(coefficients, linear_terms, modal, law_parameters, h, work)
-    solve(modal, h, work, n)
+    solve(modal, h, work, ROW.X, n)
     for row in range(2):
         for i in range(n):
             work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
@@ -301,10 +301,10 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, work):
 
 
 @inlined
-def solve(modal, h, work, n):
-    """Corrections, or the motion, from the residuals, in their place."""
+def solve(modal, h, work, x, n):
+    """Corrections, or the motion, from the residuals, in their place: rows `x` and `x` + 1."""
     factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
-    solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), ROW.X, ROW.X + 1, n)
+    solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
 
 
 @inlined

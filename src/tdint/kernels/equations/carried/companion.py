@@ -9,7 +9,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, bubbles_of, correct, of_story, whole_path
-from tdint.kernels.equations.carried.within import look_within, passes
+from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
@@ -38,16 +38,17 @@ def follow_anew(scene, h, load, memory, base):
         add_loads(carried)
         _story_forces(carried)
         _unbalanced(carried)
-        left = correct(carried, False)
+        left = correct(carried)
         if left == 0.0 and passed > 0:
             break
     work[base + OWN.CALM, n] += left
     for i in range(n):
         if work[base + OWN.CALM, i] == 0.0:
             raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])
-    kind, low, high = passes(carried)
-    if kind > 0:
-        look_within(scene, h, load, memory, base, False, (2, low, high))
+    if comes_near(carried)[0]:
+        kind, low, high = passes(scene, h, load, memory, base)
+        if kind > 0:
+            look_within(scene, h, load, memory, base, False, (2, low, high))
     below = 0.0
     for i in range(n):
         c = n + 1 + i
@@ -62,6 +63,7 @@ def follow_anew(scene, h, load, memory, base):
             arrive(law_parameters, springs, c, gain)
         state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
         state[at.ERROR_VELOCITY, i] += work[base + OWN.BEND, i] / h
+        raise_end(carried, i)
 
 
 @inlined

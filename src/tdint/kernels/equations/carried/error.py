@@ -24,11 +24,12 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
-from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, first_row
-from tdint.kernels.equations.carried.within import look_within, passes
-from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, first_row
+from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
+from tdint.kernels.equations.moment4 import ROW, solve
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
+from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.path import stays
 
@@ -36,12 +37,18 @@ from tdint.kernels.stories.path import stays
 @called
 def begin_error(scene, memory):
     """Start the companion from the run's state."""
-    springs = memory.springs
+    state, springs, work, report = memory
     n = scene.linear_terms.shape[1] - 1
     for row in range(springs.shape[0]):
         for i in range(n):
             springs[row, n + 1 + i] = springs[row, i]
-    memory.report[at.ERROR_BEGUN] = 1.0
+    peaks = first_row(scene.modal) + OWN.PEAKS
+    for i in range(n):
+        raise_peak(work, peaks + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
+        raise_peak(work, peaks + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
+        raise_peak(work, peaks + at.PEAK_DRIFT, i, springs[at.DRIFT, i])
+        raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, i])
+    report[at.ERROR_BEGUN] = 1.0
 
 
 @inlined
@@ -51,21 +58,24 @@ def carry_error(scene, h, load, memory):
     carried = Carried(scene, memory, load, h, base)
     state, springs, work, _ = memory
     linear = not BENDING or scene.flags[at.LINEAR] != 0.0
-    calm = linear or _same_branches(scene.linear_terms, springs, work)
+    n = scene.linear_terms.shape[1] - 1
+    near = False
+    calm = _calm_bubbles(carried) or linear
     if calm:
-        _calm_bubbles(carried)
         add_loads(carried)
         _calm_unbalanced(carried)
-        correct(carried, True)
-        calm = linear or _still(scene.linear_terms, springs, work, base)
+        solve(scene.modal, h, work, base + OWN.RISE, n)
+        near, still = comes_near(carried)
+        calm = still or linear or _stays_still(scene.linear_terms, springs, work, base)
     else:
-        for i in range(scene.linear_terms.shape[1] - 1):
+        for i in range(n):
             work[base + OWN.RISE, i] = h * state[at.ERROR_VELOCITY, i]
             work[base + OWN.BEND, i] = 0.0
     if calm:
-        passing = passes(carried)
-        if passing[0] > 0:
-            look_within(scene, h, load, memory, base, True, passing)
+        if near:
+            passing = passes(scene, h, load, memory, base)
+            if passing[0] > 0:
+                look_within(scene, h, load, memory, base, True, passing)
         _commit(carried)
     else:
         follow_anew(scene, h, load, memory, base)
@@ -75,23 +85,13 @@ def carry_error(scene, h, load, memory):
 
 
 @inlined
-def _same_branches(linear_terms, springs, work):
-    """Whether all stories have kept to linear branches that are the companion's, too."""
-    n = linear_terms.shape[1] - 1
-    same = True
-    for i in range(n):
-        same &= (work[ROW.LEFT, i] == 0.0) & (springs[at.SLOPE, i] == springs[at.SLOPE, n + 1 + i])
-        if DASHPOTS:
-            same &= linear_terms[at.POWER_DAMPER, i] == 0.0
-    return same
-
-
-@inlined
 def _calm_bubbles(carried):
-    """Bubbles, but for modal damping and floor forces."""
+    """Bubbles, but for modal damping and floor forces, of stories on linear branches. Returns whether all have kept to
+    such, and to those of the companion."""
     scene, memory, load, h, base = carried
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
+    same = True
     n = linear_terms.shape[1] - 1
     by_h = 1.0 / h
     square = h * h / 360.0
@@ -109,11 +109,16 @@ def _calm_bubbles(carried):
         work[base + OWN.A1, i] = a1
         if i < n:
             work[base + OWN.ODD, i] = -a1 / 60.0 - third
+            if BENDING:
+                same &= (work[ROW.LEFT, i] == 0.0) & (springs[at.SLOPE, i] == springs[at.SLOPE, n + 1 + i])
+            if DASHPOTS:
+                same &= linear_terms[at.POWER_DAMPER, i] == 0.0
         inverse = linear_terms[at.INVERSE_MASS, i]
         floor = 0.5 * by_h * linear_terms[at.FLOOR_DAMPER, i]
         a1_below = a1
         bend_below = bend
         before = second
+    return same
 
 
 @inlined
@@ -142,40 +147,17 @@ def _calm_unbalanced(carried):
         if i > 0:
             speed = linear_terms[at.FLOOR_DAMPER, i - 1] * even_below
             speed -= linear_terms[at.MASS, i - 1] * state[at.ERROR_VELOCITY, i - 1]
-            work[ROW.X, i - 1] = -square * (mean_below - link * mean)
-            work[ROW.X + 1, i - 1] = 12.0 * h * speed - square * (moment_below - link * moment)
+            work[base + OWN.RISE, i - 1] = -square * (mean_below - link * mean)
+            work[base + OWN.BEND, i - 1] = 12.0 * h * speed - square * (moment_below - link * moment)
         u_below, even_below, odd_below = u, even, odd
         mean_below, moment_below = mean, moment
     if MODAL and scene.modal.shape[0] > 0:
-        add_modal_force(scene.modal, work, base + OWN.EVEN, 12.0 * h, work, ROW.X + 1, n)
-
-
-@inlined
-def _still(linear_terms, springs, work, base):
-    """Whether all stories of the companion keep to their branches."""
-    n = linear_terms.shape[1] - 1
-    rise_below = bend_below = 0.0
-    still = True
-    for i in range(n):  # without a branch; that the parabola lies within its Bezier points is enough
-        c = n + 1 + i
-        link = linear_terms[at.LINK, i]
-        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        half = 0.5 * (bend - link * bend_below)
-        whole = rise - link * rise_below
-        rise_below, bend_below = rise, bend
-        start = springs[at.DRIFT, c]
-        middle = start + 0.5 * (whole - half)
-        turn = springs[at.TURN, c]
-        still &= (turn * (whole - half) >= 0.0) & (turn * (whole + half) >= 0.0)
-        still &= max(start, middle, start + whole) <= springs[at.UPPER, c]
-        still &= min(start, middle, start + whole) >= springs[at.LOWER, c]
-    return still or _stays_still(linear_terms, springs, work, base)
+        add_modal_force(scene.modal, work, base + OWN.EVEN, 12.0 * h, work, base + OWN.BEND, n)
 
 
 @called
 def _stays_still(linear_terms, springs, work, base):
-    """`_still`, exactly."""
+    """Whether all stories of the companion keep to their branches."""
     n = linear_terms.shape[1] - 1
     rise_below = bend_below = 0.0
     for i in range(n):
@@ -205,3 +187,4 @@ def _commit(carried):
         below = rise
         state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
         state[at.ERROR_VELOCITY, i] += by_h * work[base + OWN.BEND, i]
+        raise_end(carried, i)

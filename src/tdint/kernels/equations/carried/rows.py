@@ -120,20 +120,17 @@ def add_loads(carried):
 
 
 @inlined
-def correct(carried, anew):
-    """Rise and bend of the error, or their corrections. Returns the size of these, 0 if they are small."""
+def correct(carried):
+    """Correct rise and bend of the error. Returns the size of the corrections, 0 if they are small."""
     scene, memory, _, h, base = carried
     work = memory.work
     n = scene.linear_terms.shape[1] - 1
-    solve(scene.modal, h, work, n)
+    solve(scene.modal, h, work, ROW.X, n)
     change = 0.0
     size = 0.0
     for i in range(n):
         for row in range(2):
-            if anew:
-                work[base + OWN.RISE + row, i] = work[ROW.X + row, i]
-            else:
-                work[base + OWN.RISE + row, i] += work[ROW.X + row, i]
-                change += abs(work[ROW.X + row, i])
-                size += abs(work[base + OWN.RISE + row, i])
+            work[base + OWN.RISE + row, i] += work[ROW.X + row, i]
+            change += abs(work[ROW.X + row, i])
+            size += abs(work[base + OWN.RISE + row, i])
     return 0.0 if change <= _SETTLED * size else change

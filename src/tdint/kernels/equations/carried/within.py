@@ -13,7 +13,7 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, first_row, whole_path
+from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, whole_path
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING, DISSIPATING
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
@@ -35,11 +35,11 @@ _AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
 
 
 @inlined
-def passes(carried):
-    """What may pass its peak within the step, whose state is still that at its start: nothing (0), accelerations or
-    total shears at its end (1), something inside (2); and the first and the last floor of which something does.
+def comes_near(carried):
+    """Whether anything may come near its peak within the step, whose state is still that at its start; and whether all
+    stories of the companion keep to their branches: it is enough that their parabolas' Bezier points do.
 
-    In most steps nothing is near: that is found first, without a branch.
+    In most steps nothing does, which is found without a branch.
     """
     scene, memory, load, h, base = carried
     linear_terms = scene.linear_terms
@@ -50,12 +50,19 @@ def passes(carried):
     jerk = square * (load[at.GROUND_1] - load[at.GROUND_0])
     peaks = base + OWN.PEAKS
     near = False
+    still = True
     sum_a = sum_1 = sum_even = 0.0
+    # Of the corrected motion of a floor
+    v0 = h * (state[at.VELOCITY, n - 1] + state[at.ERROR_VELOCITY, n - 1])
+    rise = work[ROW.RISE, n - 1] + work[base + OWN.RISE, n - 1]
+    bend = work[ROW.BEND, n - 1] + work[base + OWN.BEND, n - 1]
     for j in range(1, n + 1):
         i = n - j
+        below = max(i - 1, 0)
+        v0_below = h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
+        rise_below = work[ROW.RISE, below] + work[base + OWN.RISE, below]
+        bend_below = work[ROW.BEND, below] + work[base + OWN.BEND, below]
         u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
-        v0 = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
         a1 = work[base + OWN.A1, i]
         even = abs(work[base + OWN.EVEN, i])
         near |= _comes_near(u0, v0, bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
@@ -70,19 +77,26 @@ def passes(carried):
         sum_even = above * sum_even + mass * even
         near |= abs(sum_a) + 0.5 * abs(sum_1) + _BULGES * sum_even > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
         link = linear_terms[at.LINK, i] if i > 0 else 0.0
-        below = max(i - 1, 0)
-        v0 -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
-        bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
-        near |= _comes_near(springs[at.DRIFT, n + 1 + i], v0, bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        rate = v0 - link * v0_below
+        change = bend - link * bend_below
+        start = springs[at.DRIFT, n + 1 + i]
+        near |= _comes_near(start, rate, change, 0.0, work[peaks + at.PEAK_DRIFT, i])
         if BENDING:
             slope = springs[at.SLOPE, n + 1 + i]
             slope = slope if slope < math.inf else 0.0
             near |= _comes_near(
-                springs[at.FORCE, n + 1 + i], slope * v0, slope * bend, 0.0, work[peaks + at.PEAK_SHEAR, i]
+                springs[at.FORCE, n + 1 + i], slope * rate, slope * change, 0.0, work[peaks + at.PEAK_SHEAR, i]
             )
+            way = rise - link * rise_below
+            middle = start + 0.5 * way - 0.25 * change
+            turn = springs[at.TURN, n + 1 + i]
+            still &= (turn * (way - 0.5 * change) >= 0.0) & (turn * (way + 0.5 * change) >= 0.0)
+            still &= max(start, middle, start + way) <= springs[at.UPPER, n + 1 + i]
+            still &= min(start, middle, start + way) >= springs[at.LOWER, n + 1 + i]
         if DASHPOTS:
-            near |= max(abs(v0), abs(v0 + bend)) > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
-    return _passes(scene, h, load, memory, base) if near else (0, n, -1)
+            near |= max(abs(rate), abs(rate + change)) > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+        v0, rise, bend = v0_below, rise_below, bend_below
+    return near, still
 
 
 @inlined
@@ -94,8 +108,9 @@ def _comes_near(value, rate, change, more, peak):
 
 
 @called
-def _passes(scene, h, load, memory, base):
-    """`passes` if something is near."""
+def passes(scene, h, load, memory, base):
+    """What may pass its peak within the step, if anything comes near one: nothing (0), accelerations or total shears at
+    its end (1), something inside (2); and the first and the last floor of which something does."""
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -173,9 +188,10 @@ def look_within(scene, h, load, memory, base, calm, passing):
     work = memory.work
     n = scene.linear_terms.shape[1] - 1
     count = _place(carried, calm, turning)
+    by_h = 1.0 / h
     for k in range(count):
-        for i in range(n):
-            work[base + OWN.MOTION + k, i] = _rate(work, base, work[base + OWN.FORCES + k, n], i) / h
+        for i in range(0 if MODAL else max(low - 2, 0), n):
+            work[base + OWN.MOTION + k, i] = by_h * _rate(work, base, work[base + OWN.FORCES + k, n], i)
     for i in range(max(low - 1, 0), min(high + 2, n)):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         _force(carried, i, still, count)
@@ -308,14 +324,14 @@ def _accelerate(carried, k, low, high):
         for j in range(forces.shape[0]):
             work[base + OWN.OTHER + 1, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + t * h)
     damped = before = 0.0
-    for j in range(1, n + 1):
+    for j in range(1, n + 1 - max(low - 1, 0)):
         i = n - j
         link = linear_terms[at.LINK, i + 1]
         own = linear_terms[at.FLOOR_DAMPER, i] * work[motion, i]
         if MODAL:
             own += work[base + OWN.OTHER, i]
         damped = link * damped + own
-        if i > high + 1 or i < low - 1:
+        if i > high + 1:
             continue
         story = work[row, i]
         inner = link * before - story - own
@@ -441,19 +457,19 @@ def _raise_most(work, first, column, count, row, i):
 
 
 @inlined
-def raise_ends(scene, memory):
-    """Raise the peaks of displacements, velocities, drifts and shears by those that have been reached, once the run has
-    got there, too."""
+def raise_end(carried, i):
+    """Raise the peaks of displacement, velocity, drift and shear of floor `i` and its story by those at the end of the
+    step, where the companion has arrived, but not the run."""
+    scene, memory, _, h, base = carried
     state, springs, work, _ = memory
-    peaks = first_row(scene.modal) + OWN.PEAKS
-    n = scene.linear_terms.shape[1] - 1
-    for i in range(n):
-        u = abs(state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i])
-        v = abs(state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-        _raise(work, peaks + at.PEAK_DISPLACEMENT, i, u)
-        _raise(work, peaks + at.PEAK_VELOCITY, i, v)
-        _raise(work, peaks + at.PEAK_DRIFT, i, abs(springs[at.DRIFT, n + 1 + i]))
-        _raise(work, peaks + at.PEAK_SHEAR, i, abs(springs[at.FORCE, n + 1 + i]))
+    peaks = base + OWN.PEAKS
+    c = scene.linear_terms.shape[1] + i
+    u = state[at.DISPLACEMENT, i] + work[ROW.RISE, i] + state[at.ERROR_DISPLACEMENT, i]
+    v = state[at.VELOCITY, i] + 1.0 / h * work[ROW.BEND, i] + state[at.ERROR_VELOCITY, i]
+    _raise(work, peaks + at.PEAK_DISPLACEMENT, i, abs(u))
+    _raise(work, peaks + at.PEAK_VELOCITY, i, abs(v))
+    _raise(work, peaks + at.PEAK_DRIFT, i, abs(springs[at.DRIFT, c]))
+    _raise(work, peaks + at.PEAK_SHEAR, i, abs(springs[at.FORCE, c]))
 
 
 @inlined
