@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
@@ -24,7 +25,7 @@ from tdint.output.figures.demands.story_profiles import profile_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture
-from tdint.output.figures.style import changed, picture
+from tdint.output.figures.style import add_title, changed, picture
 from tdint.output_units import parse_output_units
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -90,6 +91,17 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
     assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed, in no line"
     both = profile_picture([stood, flat]).axes[0]
     assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
+
+
+def test_a_title_is_no_wider_than_its_figure():
+    """Names of records make it long; nothing of it is lost."""
+    figure = Figure(figsize=(7.2, 3.0))
+    what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4:rho_inf=1.0, 5 % damping of Sa"
+    add_title(figure, f"imk\n{what}")
+    assert figure.get_suptitle().split() == ["imk", *what.split()]
+    figure.draw_without_rendering()
+    box = figure._suptitle.get_window_extent()
+    assert box.x0 > 0.0 and box.x1 < figure.bbox.width
 
 
 @pytest.mark.parametrize("suffix", STARTS)

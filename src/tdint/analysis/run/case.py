@@ -28,6 +28,7 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, falling_stories
 from tdint.model.definition import Model
 from tdint.model.laws import LAWS
+from tdint.written_numbers import how_many
 
 _LARGE_IMBALANCE = 0.01
 """Energy error above which a run says so."""
@@ -314,7 +315,7 @@ class Case:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
         if halvings:
-            notes.append(f"steps that did not converge were halved, {halvings} times in all")
+            notes.append(f"steps that did not converge were halved, {how_many(halvings, 'time')} in all")
         return tuple(notes)
 
     def _moving_note(self, stories: StoryPeaks, moving: Array) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from tdint.output_units import OutputUnits
 
 mpl.rcdefaults()
 
-_TITLE_LENGTH = 95
+_TITLE = 10.5  # height of its letters
 
 _STYLE = {
     "font.size": 9.0,
@@ -227,9 +227,12 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
 
 
 def add_title(figure: Figure, title: str) -> None:
-    """A title of one or more lines above the panels, as it is: no formulas."""
-    lines = [shorten(line, _TITLE_LENGTH, placeholder=" ...") for line in title.splitlines()]
-    figure.suptitle("\n".join(lines), fontsize=10.5, parse_math=False)
+    """A title of one or more lines above the panels, as it is: no formulas. A line that is wider than the figure goes on
+    in another one, as far as that."""
+    room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
+    told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
+    lines = (part for line in told for part in wrap(line, room, break_on_hyphens=False))
+    figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
