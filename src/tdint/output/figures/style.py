@@ -227,8 +227,8 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
 
 
 def add_title(figure: Figure, title: str) -> None:
-    """A title of one or more lines above the panels, as it is: no formulas. A line that is wider than the figure goes on
-    in another one, as far as that."""
+    """A title of one or more lines above the panels, as it is: no formulas. A line that is wider than the figure goes
+    on in another one, as far as that."""
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
     lines = (part for line in told for part in wrap(line, room, break_on_hyphens=False))
