@@ -260,23 +260,18 @@ def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int)
 
     No more than a few items are under way or waiting to be taken.
     """
-    from concurrent.futures import (  # not for who asks for their number
-        FIRST_COMPLETED,
-        Future,
-        ThreadPoolExecutor,
-        wait,
-    )
+    from concurrent import futures  # not for who asks for their number
 
     waiting = iter(items)
-    running: set[Future[Result]] = set()
-    pool = ThreadPoolExecutor(jobs)
+    running: set[futures.Future[Result]] = set()
+    pool = futures.ThreadPoolExecutor(jobs)
     try:
         while True:
             while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
                 running.add(pool.submit(work, item))
             if not running:
                 return
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
             for one in finished:
                 yield one.result()
     finally:

@@ -153,11 +153,11 @@ def _field_rows(file: str, *, needs_site: bool) -> tuple[list[_FieldRow], Intens
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
     table = read_table(file, needs, columns=(*_EVENTS, *_SITES, "record", "component", "factor"), comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
-    table.need(event or "event", "record", *(("site",) if needs_site and site is None else ()))
+    table.need(event, "record", *([site] if needs_site else ()))
     lines = [line for line, _ in table.rows]
     nothing = [""] * len(lines)
-    events, names = table.texts(event or "event", empty=False), table.texts("record", empty=False)
-    sites = table.texts(site, empty=False) if site else nothing
+    events, names = table.texts(event, empty=False), table.texts("record", empty=False)
+    sites = table.texts(site, empty=False) if table.has(site) else nothing
     components = table.texts("component") if table.has("component") else nothing
     values, measure = _field_values(table)
     return list(starmap(_FieldRow, zip(lines, events, sites, names, components, values, strict=True))), measure
@@ -186,10 +186,7 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
     """Longitude and latitude of each site, degrees."""
     needs = "sites are a CSV file with the columns site, longitude, latitude"
     table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
-    names = [_called(table, known) for known in (_SITES, _LONGITUDES, _LATITUDES)]
-    site, longitude, latitude = (
-        name or known for name, known in zip(names, ("site", "longitude", "latitude"), strict=True)
-    )
+    site, longitude, latitude = (_called(table, known) for known in (_SITES, _LONGITUDES, _LATITUDES))
     table.need(site, longitude, latitude)
     found: dict[str, tuple[float, float]] = {}
     for (line, name), place in zip(table.lines(site, empty=False), _degrees(table, longitude, latitude), strict=True):
@@ -199,9 +196,9 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _called(table: CsvTable, known: Sequence[str]) -> str | None:
-    """The first of some names of a column that a table has."""
-    return next((name for name in known if table.has(name)), None)
+def _called(table: CsvTable, known: Sequence[str]) -> str:
+    """The first of some names of a column that a table has; the usual one where it has none."""
+    return next((name for name in known if table.has(name)), known[0])
 
 
 class _FieldRecords:

@@ -11,6 +11,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -98,23 +99,19 @@ def _folder() -> Path:
     return Path(mkdtemp(prefix="tdint-plugins-"))
 
 
-class faults_of:  # noqa: N801 a context
-    """A context in which whatever is raised becomes one line that begins with `where`, a file with its line."""
-
-    def __init__(self, where: str) -> None:
-        self.where = where
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        if error is None or isinstance(error, TdintError) or not isinstance(error, Exception | SystemExit):
-            return
-        own = Path(self.where).name
+@contextmanager
+def faults_of(where: str) -> Iterator[None]:
+    """Whatever is raised becomes one line that begins with `where`, a file with its line."""
+    try:
+        yield
+    except TdintError:
+        raise
+    except (Exception, SystemExit) as error:
+        own = Path(where).name
         lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if Path(one.filename).name == own]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())
-        place = f"{self.where}:{line}" if line else self.where
+        place = f"{where}:{line}" if line else where
         raise UsageError(f"{place}: {type(error).__name__}: {text}") from None
 
 
