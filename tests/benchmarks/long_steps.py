@@ -18,10 +18,10 @@ import numpy as np
 from tdint import load_model, read_record, run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
-from tdint.analysis.run.run import model_record
+from tdint.analysis.run.run import Subject, model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Run, RunSettings, Subject
+from tdint.campaign.engine.task import Run, RunSettings
 from tdint.campaign.engine.tolerance import building_step
 from tdint.methods.catalogue import catalogue, parse
 

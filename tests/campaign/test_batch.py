@@ -12,10 +12,11 @@ from tdint.analysis.run.demands import DEMANDS, demands
 from tdint.analysis.run.error_estimate import FINER
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
+from tdint.analysis.run.run import Subject
 from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow, demand_errors
-from tdint.campaign.engine.task import REPEATS, Run, RunSettings, Subject
+from tdint.campaign.engine.task import REPEATS, Run, RunSettings
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 

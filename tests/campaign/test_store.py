@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint import spectrum, system
+from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import Advance
 from tdint.campaign.draws import EveryMotion
 from tdint.campaign.engine.batch import do, spectral_accelerations
-from tdint.campaign.engine.task import RunSettings, Subject
+from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.connection import refuse_network

@@ -10,10 +10,11 @@ import pytest
 import tdint
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.prepared import Motions
+from tdint.analysis.run.run import Subject
 from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import Rows
-from tdint.campaign.engine.task import Run, RunSettings, Subject
+from tdint.campaign.engine.task import Run, RunSettings
 from tdint.campaign.engine.tolerance import building_step
 
 SHIPPED = [

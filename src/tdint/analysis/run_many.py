@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from itertools import groupby, product
 from typing import Any, NamedTuple
@@ -27,14 +27,14 @@ from tdint.analysis.run.outcome import (
     StoryValues,
 )
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding
+from tdint.analysis.run.run import Subject
 from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.kernels.march import many as lanes
-from tdint.methods.catalogue import DEFAULT_METHOD, parse
-from tdint.methods.method import Integrator
+from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.quantity import quantities
@@ -207,13 +207,12 @@ class _Run(NamedTuple):
 class _Wanted:
     """Buildings with their methods, ground motions, and what is asked of the steps."""
 
-    models: tuple[Model, ...]
+    subjects: tuple[Subject, ...]
+    methods: tuple[str, ...]
     records: tuple[Record, ...]
-    integrators: tuple[Integrator, ...]
     dt: float | None
     duration: float | None
     check: bool
-    _prepared: dict[int, PreparedBuilding] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -223,28 +222,18 @@ class _Wanted:
         motions = tuple(map(record_of, _several(records, "records")))
         if any(isinstance(one, JoinedRecord) for one in motions):
             raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
-        specifications = [method or one.analysis.method or DEFAULT_METHOD for one in buildings]
-        parsed = {one: parse(one) for one in dict.fromkeys(specifications)}
-        integrators = tuple(parsed[one] for one in specifications)
-        return cls(buildings, motions, integrators, number_of(dt, "dt"), number_of(duration, "duration"), check)
-
-    def prepared(self, model: int) -> PreparedBuilding:
-        """A building put together, once but for threads that ask at the same time."""
-        found = self._prepared.get(model)
-        if found is None:
-            found = self._prepared[model] = PreparedBuilding.of(self.models[model])
-        return found
+        subjects = tuple(Subject(one, method or one.analysis.method or DEFAULT_METHOD) for one in buildings)
+        methods = tuple(one.integrator.label for one in subjects)
+        return cls(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check)
 
     def case(self, run: _Run) -> Case:
         """A run as a single one."""
-        record = self.records[run.record]
-        scaled = record if run.scale == 1.0 else record.scaled(run.scale)
-        return Case(self.models[run.model], self.prepared(run.model), scaled, self.integrators[run.model])
+        return self.subjects[run.model].case(self.records[run.record], run.scale)
 
     @cached_property
     def stories(self) -> int:
         """Of the tallest building."""
-        return max(len(model.stories) for model in self.models)
+        return max(len(one.model.stories) for one in self.subjects)
 
 
 def _several(given: Any, name: str) -> Sequence[Any]:
@@ -259,7 +248,7 @@ def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> li
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
     if paired:
-        sizes = {"models": len(work.models), "records": len(work.records), "scales": len(factors)}
+        sizes = {"models": len(work.subjects), "records": len(work.records), "scales": len(factors)}
         count = max(sizes.values())
         for name, size in sizes.items():
             if size not in (1, count):
@@ -267,11 +256,11 @@ def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> li
         models, motions, which = (np.arange(count) % size for size in sizes.values())
         places = tuple(zip(models.tolist(), motions.tolist(), which.tolist(), strict=True))
     else:
-        places = tuple(product(range(len(work.models)), range(len(work.records)), range(len(factors))))
+        places = tuple(product(range(len(work.subjects)), range(len(work.records)), range(len(factors))))
     steps: dict[tuple[Any, ...], Steps] = {}
     plan = []
     for number, (model, record, scale) in enumerate(places):
-        analysis, motion = work.models[model].analysis, work.records[record]
+        analysis, motion = work.subjects[model].model.analysis, work.records[record]
         key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
         run = _Run(number, model, record, factors[scale], steps.get(key, _UNKNOWN))
         if run.steps is _UNKNOWN:
@@ -322,9 +311,9 @@ def _unfilled(work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str
         for kind in (StoryPeaks, StoryErrors, StoryErrors)
     )
     return Runs(
-        models=work.models,
+        models=tuple(one.model for one in work.subjects),
         records=work.records,
-        methods=tuple(one.label for one in work.integrators),
+        methods=work.methods,
         model=np.array([run.model for run in plan]),
         record=np.array([run.record for run in plan]),
         scale=np.array([run.scale for run in plan]),
@@ -386,14 +375,14 @@ def _take_failure(found: Runs, run: _Run, failure: FailedRun) -> None:
 def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
     """Some runs, those of one building and one step together."""
     for (model, h), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
-        runs, prepared, integrator = list(group), work.prepared(model), work.integrators[model]
-        if work.check or prepared.instability(integrator, h):
+        runs, subject = list(group), work.subjects[model]
+        if work.check or subject.prepared.instability(subject.integrator, h):
             for run in runs:
                 case, history = work.case(run), bool(found.history)
                 _take_settled(found, run, partial(checked_run if work.check else Case.march, case, run.steps, history))
             continue
         marched = _kept_runs(work, found, runs) if found.history else _bare_runs(work, runs)
-        _take(found, runs, prepared, marched)
+        _take(found, runs, subject.prepared, marched)
         for place in np.flatnonzero(doubtful(marched)).tolist():
             run = runs[place]
             settle = partial(work.case(run).settle, run.steps, marched, place, bool(found.history))
@@ -402,20 +391,14 @@ def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
 
 def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
     """Runs of one building and one step in one compiled call."""
-    motions, model = Motions.of({run.record: work.records[run.record] for run in runs}), runs[0].model
-    return work.prepared(model).march_many(
-        work.integrators[model],
-        runs[0].steps.h,
-        motions.samples,
-        [motions.lane(run.record, run.scale, run.steps) for run in runs],
-        collapse_drift=work.models[model].collapse_drift,
-    )
+    motions = Motions.of({run.record: work.records[run.record] for run in runs})
+    return work.subjects[runs[0].model].march_many(motions, [(run.record, run.scale, run.steps) for run in runs])
 
 
 def _kept_runs(work: _Wanted, found: Runs, runs: Sequence[_Run]) -> MarchedRuns:
     """The same with what is kept of the histories."""
-    model = runs[0].model
-    prepared, h = work.prepared(model), runs[0].steps.h
+    subject, h = work.subjects[runs[0].model], runs[0].steps.h
+    prepared = subject.prepared
     time = found.every * h * np.arange(next(iter(found.history.values())).shape[1], dtype=np.float64)
     telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in found.history.items()]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
@@ -427,12 +410,12 @@ def _kept_runs(work: _Wanted, found: Runs, runs: Sequence[_Run]) -> MarchedRuns:
                 kept[runs[r].number, len(rows) :] = kept[runs[r].number, :, n:] = math.nan
 
     return prepared.march_each(
-        work.integrators[model],
+        subject.integrator,
         h,
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
         every=found.every,
         see=see,
-        collapse_drift=work.models[model].collapse_drift,
+        collapse_drift=subject.model.collapse_drift,
     )
 
 

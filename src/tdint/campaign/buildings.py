@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
-from tdint.campaign.engine.task import Subject
+from tdint.analysis.run.run import Subject
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow

@@ -9,9 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import run_case
+from tdint.analysis.run.run import Subject, run_case
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
 from tdint.campaign.engine.task import Run
@@ -112,17 +110,15 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     for building, runs in buildings.items():
         subject = plan.buildings[building].subject()
         floor_numbers(choice.floors, plan.buildings[building].stories)
-        case = Case(subject.model, PreparedBuilding.of(subject.model), None, subject.integrator)
-        found += on_threads(partial(_spectra, plan, building, case, choice), runs, jobs)
+        found += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
     return sorted(found, key=lambda one: (one.building, one.run))
 
 
-def _spectra(plan: Plan, building: int, case: Case, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
+def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
     key, dt = run
-    record = plan.motions[key.motion].record
     settings = plan.settings
     response = run_case(
-        case.under(record if key.scale == 1.0 else record.scaled(key.scale)),
+        subject.case(plan.motions[key.motion].record, key.scale),
         dt=dt,
         duration=settings.duration,
         history=True,

@@ -15,11 +15,12 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import Buildings, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile
 from tdint.campaign.draws import Assignment, Draw, EveryMotion
 from tdint.campaign.engine.batch import Chunk
-from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
+from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source
 from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs

@@ -13,8 +13,9 @@ from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
+from tdint.analysis.run.run import Subject
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Run, RunSettings, Subject
+from tdint.campaign.engine.task import Run, RunSettings
 
 MOVES = "the building still moves at the end, the drift of story"
 

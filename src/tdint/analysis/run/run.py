@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from tdint.analysis.given import number_of, ratio_of, record_of
@@ -11,13 +13,86 @@ from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
-from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
+from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
+
+
+@lru_cache(maxsize=64)
+def integrator_of(method: str) -> Integrator:
+    """The method of a specification, read once for all buildings that share it."""
+    return parse(method)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A building and the method that integrates it; what follows from both is found once and kept.
+
+    Attributes
+    ----------
+    model : Model
+        The building; what it says of a record is not asked.
+    method : str
+        The method with its parameters.
+    """
+
+    model: Model
+    method: str
+
+    @cached_property
+    def prepared(self) -> PreparedBuilding:
+        """The building as arrays."""
+        return PreparedBuilding.of(self.model)
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The method."""
+        return integrator_of(self.method)
+
+    def case(self, record: Record | None, scale: float = 1.0) -> Case:
+        """The building under a ground motion times a factor, or at rest."""
+        scaled = record if record is None or scale == 1.0 else record.scaled(scale)
+        return Case(self.model, self.prepared, scaled, self.integrator)
+
+    def march_many(
+        self, motions: Motions, runs: Sequence[tuple[int, float, Steps]], rest: Rest | None = None
+    ) -> MarchedRuns:
+        """Integrate runs of one step in one compiled call.
+
+        Parameters
+        ----------
+        runs : sequence of (int, float, Steps)
+            The number of each one's ground motion, the factor on it, and its steps.
+        rest : Rest, optional
+            How long they go on with the ground at rest.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        return self.prepared.march_many(
+            self.integrator,
+            runs[0][2].h,
+            motions.samples,
+            [motions.lane(*run) for run in runs],
+            collapse_drift=self.model.collapse_drift,
+            rest=rest,
+        )
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return self.prepared.period
+
+    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
+        return Subject, (self.model, self.method)  # what was kept is found again where it goes
 
 
 def run(

@@ -21,11 +21,12 @@ from tdint.analysis.run.case import Case, doubtful, until_rest, windows
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions
+from tdint.analysis.run.run import Subject
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.campaign.engine.rows import Rows, RunRow, demand_cells, demand_errors, demand_values, shock_rows, story_rows
-from tdint.campaign.engine.task import REPEATS, BuildingRuns, Run, RunSettings, Subject
+from tdint.campaign.engine.task import REPEATS, BuildingRuns, Run, RunSettings
 from tdint.errors import AnalysisError
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
@@ -146,9 +147,7 @@ class Batch:
         return steps
 
     def _case(self, run: Run) -> Case:
-        record = self.motions.records[run.motion]
-        scaled = record if run.scale == 1.0 else record.scaled(run.scale)
-        return Case(self.subject.model, self.subject.prepared, scaled, self.subject.integrator)
+        return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
         """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
@@ -156,7 +155,9 @@ class Batch:
         if self.subject.prepared.instability(self.subject.integrator, jobs[0].steps.h):
             results.runs += [self._row(job, "unstable-step") for job in jobs]
             return []
-        marched = self._march(jobs)
+        rest = windows(self.subject.prepared, jobs[0].steps.h) if self.settings.until_rest else None
+        runs = [(job.run.motion, job.run.scale, job.steps) for job in jobs]
+        marched = self.subject.march_many(self.motions, runs, rest)
         ended, again = ~doubtful(marched), list[_Job]()
         collapses: dict[int, Collapse] = {}
         for i in np.flatnonzero(~ended).tolist():
@@ -192,17 +193,6 @@ class Batch:
             return [_Job(job.run, finer(job.steps), job.repeats + 1)]
         results.runs.append(self._row(job, failure.status))
         return []
-
-    def _march(self, jobs: list[_Job]) -> MarchedRuns:
-        h, prepared = jobs[0].steps.h, self.subject.prepared
-        return prepared.march_many(
-            self.subject.integrator,
-            h,
-            self.motions.samples,
-            [self.motions.lane(job.run.motion, job.run.scale, job.steps) for job in jobs],
-            collapse_drift=self.subject.model.collapse_drift,
-            rest=windows(prepared, h) if self.settings.until_rest else None,
-        )
 
     def _take(
         self,

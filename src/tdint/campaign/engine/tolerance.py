@@ -12,12 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice, zip_longest
 from typing import TypeVar
 
-from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.run import Subject
 from tdint.analysis.run.step_choice import step_within
 from tdint.analysis.sequence import sequence_of
-from tdint.campaign.engine.task import Run, RunSettings, Subject
+from tdint.campaign.engine.task import Run, RunSettings
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
@@ -45,7 +45,7 @@ def building_step(
     enough = min(max(_FEWEST, len(runs) // 4), _MOST)
     for run in islice(_spread_runs(records, runs), _TRIED):
         record = records[run.motion].scaled(run.scale)
-        case = Case(subject.model, subject.prepared, record, subject.integrator)
+        case = subject.case(record)
         if isinstance(record, JoinedRecord):
             case = case.under(sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole)
         first = attempt(case, case.steps(settings.dt, settings.duration))

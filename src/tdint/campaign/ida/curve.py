@@ -15,7 +15,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdint.analysis.run.case import Case
 from tdint.arrays import Array
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RUN_WITH_ERROR, RunRow
@@ -110,8 +109,7 @@ def run_level(batch: Batch, run: Run) -> RunRow:
     """
     (row,) = batch.results([run]).runs
     if row.status == _UNSTABLE:  # No level mends that; said as a single run says it.
-        record = batch.motions.records[run.motion]
-        case = Case(batch.subject.model, batch.subject.prepared, record, batch.subject.integrator)
+        case = batch.subject.case(batch.motions.records[run.motion])
         case.march(case.steps(batch.settings.dt, batch.settings.duration))
     return row
 

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import demands
 from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.run import Subject
 from tdint.analysis.sequence import ShockSequence, sequence_of, shocks_of
-from tdint.campaign.engine.task import Subject
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 
@@ -94,7 +93,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
     """
 
     def reached(factor: float) -> float:
-        case = Case(subject.model, subject.prepared, main.scaled(factor), subject.integrator)
+        case = subject.case(main, factor)
         try:
             response = case.march(case.steps(dt, main.duration))
         except FailedRun:
@@ -108,7 +107,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
             "collapse"
         )
     scaled = main.scaled(factor)
-    case = Case(subject.model, subject.prepared, scaled, subject.integrator)
+    case = subject.case(scaled)
     sequence = sequence_of(case, [scaled, scaled], dt=dt)
     alone = ShockSequence(sequence.records[:1], (0,))
     joined = case.under(alone.whole)
