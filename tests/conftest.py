@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 # The tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that they
 # need. What a scene alone would get is tested in tests/kernels/test_variants.py. In the user's cache they would serve
@@ -21,6 +22,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The heap is large, of libraries, and what the tests leave behind is little: garbage is searched for seldom.
 gc.set_threshold(50_000, 20, 20)
+
+# On a busy machine an example takes longer than on an idle one; no test fails for that.
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
 
 # Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that on to what they
 # start: commands that a test interrupts would never end.
