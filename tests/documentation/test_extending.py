@@ -27,7 +27,6 @@ LAWS = "src/tdint/kernels/laws"
 FORMATS = "src/tdint/ground_motion/formats"
 CHANGES = (
     ("member", "src/tdint/methods/single_step.py", "METHODS = (\n"),
-    ("member-reference", "src/tdint/methods/references.py", "REFERENCES: dict[str, tuple[Publication, ...]] = {\n"),
     ("member-accuracy", "tests/analysis/assessment/test_stability.py", "ACCURACY = {\n"),
     ("member-powers", "tests/analysis/assessment/test_overshoot.py", "POWERS = {\n"),
     ("law-import", f"{LAWS}/__init__.py", "from __future__ import annotations\n\n"),
@@ -76,6 +75,10 @@ def extended(tmp_path_factory):
         'RECORDER = "tdint.ground_motion.formats.recorder"\n',
     )
     project.write_text(project.read_text() + "\n" + readmes.block("format-lines"))
+    publications = folder / "src/tdint/methods/publications.bib"
+    entry, longer = (line[1:] for line in readmes.block("member-reference").splitlines())
+    assert entry in publications.read_text()
+    publications.write_text(publications.read_text().replace(entry, longer))
     for kind, name, before in CHANGES:
         add(folder / name, before, re.sub(r"^\+", "", readmes.block(kind), flags=re.MULTILINE))
     install(folder)
