@@ -61,16 +61,16 @@ def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, 
     """Titles and curves of what is drawn: no other floor, no velocity, no variant; errors as |u - u_exact|."""
     import numpy as np
 
-    from tdint.output.figures import paper_examples
+    from tdint.output.figures import assessment
 
     drawn = []
-    draw = paper_examples.example_picture
+    draw = assessment.example_picture
 
     def keep(*given, **named):
         drawn.append(draw(*given, **named))
         return drawn[-1]
 
-    monkeypatch.setattr(paper_examples, "example_picture", keep)
+    monkeypatch.setattr(assessment, "example_picture", keep)
     assert tdint("examples", "2", "-o", "paper", "--reference", "finer").exit_code == 0
     titles = [figure.get_suptitle() for figure in drawn]
     assert [title.splitlines()[1] for title in titles] == [

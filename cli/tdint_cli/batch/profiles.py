@@ -125,7 +125,7 @@ class Profiles:
         """
         self._need("--plot")
         limit, title = self.request.drift_limit, self.store.meta("name")
-        draw = partial(figures.demands.story_profiles.profile_picture, self.found, self.units, limit=limit, title=title)
+        draw = partial(figures.demands.profile_picture, self.found, self.units, limit=limit, title=title)
         return figures.style.picture(file.suffix, draw)
 
     def _need(self, option: str) -> None:

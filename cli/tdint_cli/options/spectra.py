@@ -167,7 +167,7 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            draw = partial(figures.demands.floor_spectra.floor_suite_picture, suites, units)
+            draw = partial(figures.demands.floor_suite_picture, suites, units)
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         return contents
 
@@ -186,7 +186,7 @@ class FloorRequest:
             files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(found).in_units(units).csv()
             if plot:
                 title = response.model.name
-                draw = partial(figures.demands.floor_spectra.floor_picture, found, units, title=title)
+                draw = partial(figures.demands.floor_picture, found, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         if self.export:
             from tdint.analysis.spectra.floors import floor_motion

@@ -33,9 +33,8 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.figures import assessment, fragility, ida, records, runs, spectrum_curves, statics, suites
+from tdint.output.figures import assessment, demands, fragility, ida, records, runs, spectrum_curves, statics, suites
 from tdint.output.figures.comparison import comparison_picture
-from tdint.output.figures.demands import floor_spectra, mode_shapes, tornado
 from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture, style_context
 from tdint.output.figures.work_precision import chart_picture
@@ -51,10 +50,21 @@ _PERIODS = (0.04, 4.0, 100)
 
 @dataclass(frozen=True)
 class _Look:
-    """How results of a kind are drawn: as a picture, and on axes where one panel says what they are."""
+    """How results of a kind are drawn: as a picture, and on axes where one panel says what they are; `alone`: a picture
+    shows one of them."""
 
     picture: Callable[[_Shown, OutputUnits], Figure]
     on_axes: Callable[[Any, _Shown, OutputUnits], None] | None = None
+    alone: bool = False
+
+
+def _of_one(picture: Callable[[Any, OutputUnits], Figure], on_axes: Callable[[Any, Any, OutputUnits], None]) -> _Look:
+    """The look of a kind of which a picture shows one."""
+    return _Look(
+        lambda found, units: picture(found[0], units),
+        lambda ax, found, units: on_axes(ax, found[0], units),
+        alone=True,
+    )
 
 
 def plot(
@@ -129,9 +139,9 @@ def plot(
 
 def _kind_of(results: _Shown) -> _Look:
     kinds = {type(one) for one in results}
-    for one in kinds:
-        if len(kinds) == 1 and (len(results) == 1 or one not in _ALONE) and one in _LOOKS:
-            return _LOOKS[one]
+    found = _LOOKS.get(next(iter(kinds))) if len(kinds) == 1 else None
+    if found and (len(results) == 1 or not found.alone):
+        return found
     what = " and ".join(sorted(one.__name__ for one in kinds)) or "nothing"
     raise UsageError(f"{'several of ' * (len(results) > 1)}{what}: there is no picture of it")
 
@@ -151,48 +161,38 @@ _INFO = _Look(
     lambda ax, found, units: records.draw_acceleration(ax, _info(found)[0].record, units),
 )
 _LOOKS: dict[type, _Look] = {
-    Chart: _Look(lambda found, _: chart_picture(found[0], name="Time against accuracy", target="peak-drift")),
-    Comparison: _Look(_compared),
-    CyclicTest: _Look(
-        lambda found, units: statics.cyclic_picture(found[0], units),
-        lambda ax, found, units: statics.draw_loop(ax, found[0], units),
+    Chart: _Look(
+        lambda found, _: chart_picture(found[0], name="Time against accuracy", target="peak-drift"), alone=True
     ),
+    Comparison: _Look(_compared),
+    CyclicTest: _of_one(statics.cyclic_picture, statics.draw_loop),
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
-    FloorSpectrum: _Look(floor_spectra.floor_picture),
+    FloorSpectrum: _Look(demands.floor_picture),
     Fragility: _Look(
         lambda found, _: fragility.fragility_picture(found),
         lambda ax, found, _: fragility.draw_functions(ax, found),
     ),
-    FragilityResult: _Look(
-        lambda found, _: fragility.fragility_picture(found[0].functions),
-        lambda ax, found, _: fragility.draw_functions(ax, found[0].functions),
+    FragilityResult: _of_one(
+        lambda one, _: fragility.fragility_picture(one.functions),
+        lambda ax, one, _: fragility.draw_functions(ax, one.functions),
     ),
-    IdaStudy: _Look(
-        lambda found, units: ida.ida_picture(found[0].in_units(units)),
-        lambda ax, found, units: ida.draw_ida(ax, found[0].in_units(units)),
+    IdaStudy: _of_one(
+        lambda one, units: ida.ida_picture(one.in_units(units)),
+        lambda ax, one, units: ida.draw_ida(ax, one.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
-    Modes: _Look(
-        lambda found, _: mode_shapes.mode_picture(found[0], name="Modes"),
-        lambda ax, found, _: mode_shapes.draw_modes(ax, found[0]),
+    Modes: _of_one(
+        lambda one, _: statics.mode_picture(one, name="Modes"),
+        lambda ax, one, _: statics.draw_modes(ax, one),
     ),
     ObservedOrder: _Look(lambda found, _: assessment.order_picture(found)),
     Overshoot: _Look(lambda found, _: assessment.overshoot_picture(found)),
-    Pushover: _Look(
-        lambda found, units: statics.pushover_picture(found[0], units),
-        lambda ax, found, units: statics.draw_curve(ax, found[0], units),
-    ),
+    Pushover: _of_one(statics.pushover_picture, statics.draw_curve),
     Record: _INFO,
     RecordInfo: _INFO,
-    Response: _Look(
-        lambda found, units: runs.run_picture(found[0], units),
-        lambda ax, found, units: runs.draw_drifts(ax, found[0], units),
-    ),
+    Response: _of_one(runs.run_picture, runs.draw_drifts),
     RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
-    Scaling: _Look(
-        lambda found, units: suites.suite_picture(found[0], units),
-        lambda ax, found, units: suites.draw_suite(ax, found[0], units),
-    ),
+    Scaling: _of_one(suites.suite_picture, suites.draw_suite),
     Spectrum: _Look(
         lambda found, units: spectrum_curves.spectrum_picture(found, units=units),
         spectrum_curves.draw_accelerations,
@@ -201,8 +201,6 @@ _LOOKS: dict[type, _Look] = {
         lambda found, _: assessment.stability_picture(found),
         lambda ax, found, _: assessment.draw_radius(ax, found),
     ),
-    Swing: _Look(tornado.sensitivity_picture),
+    Swing: _Look(demands.sensitivity_picture),
     Trial: _Look(lambda found, _: failure_picture(found)),
 }
-_ALONE = (Chart, CyclicTest, FragilityResult, IdaStudy, Modes, Pushover, Response, Scaling)
-"""Of these a picture shows one."""

@@ -123,7 +123,7 @@ def suite_page(
     models = [one.subject() for one in buildings.values()]
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
-        lambda: figures.demands.story_profiles.profile_picture(found, units, limit=limit, title=plan.name),
+        lambda: figures.demands.profile_picture(found, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
     methods = ", ".join(dict.fromkeys(one.method for one in models))

@@ -42,7 +42,7 @@ def command(model: str, shapes: str | None, outputs: Outputs) -> None:
     matrix = building.damping_matrix()
     outputs.else_in(loaded.output_units).deliver(
         tables.buildings.mode_table(modes, modes.own_damping(matrix), shapes),
-        lambda: figures.demands.mode_shapes.mode_picture(modes, name=loaded.name, norm=shapes or "roof"),
+        lambda: figures.statics.mode_picture(modes, name=loaded.name, norm=shapes or "roof"),
     )
     if modes.damping_ratios(matrix) is None:
         note("the damping couples the modes; each ratio is that of the mode moving alone")

@@ -104,7 +104,7 @@ def _files(example: Example, runs: list[ExampleRun], reference: str) -> list[tup
     if any(run.outcome == "done" and not run.variant for run in first):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
-        draw = partial(figures.paper_examples.example_picture, title, first, exact=exact, reference=reference)
+        draw = partial(figures.assessment.example_picture, title, first, exact=exact, reference=reference)
         contents += [figures.style.picture(".png", partial(draw, figure)) for figure in example.figures]
     return list(zip(_names(example), contents, strict=False))
 

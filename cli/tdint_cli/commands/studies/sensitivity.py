@@ -122,7 +122,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     outputs = outputs.else_in(model.output_units)
     outputs.deliver(
         Table.of_results(SWINGS, found),
-        lambda: figures.demands.tornado.sensitivity_picture(found, outputs.shown_units),
+        lambda: figures.demands.sensitivity_picture(found, outputs.shown_units),
     )
     first = found[0]
     say(

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tdint.output.figures import failure_matrix as failure_matrix
     from tdint.output.figures import fragility as fragility
     from tdint.output.figures import ida as ida
-    from tdint.output.figures import paper_examples as paper_examples
     from tdint.output.figures import records as records
     from tdint.output.figures import runs as runs
     from tdint.output.figures import spectrum_curves as spectrum_curves

@@ -1,4 +1,4 @@
-"""Figures of the laboratory: stability, overshoot and order of the methods, readable in black and white."""
+"""Figures of the laboratory, readable in black and white: stability, overshoot, order, examples of the paper."""
 
 from __future__ import annotations
 
@@ -10,25 +10,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.output.figures.style import (
     COLORS,
-    DASHES,
     LIGHT,
     MARKERS,
     add_legend,
     add_title,
     legend_columns,
+    line_look,
     plain_numbers,
 )
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder
     from tdint.analysis.assessment.overshoot import Overshoot
+    from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
     from tdint.analysis.assessment.stability import StabilityCurve
-
-Array = NDArray[np.float64]
 
 _NARROW = 31  # labels that fit into three columns
 _ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
@@ -36,6 +35,7 @@ _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
 _ROUNDING = 1e-9  # what a spectral radius may lie above 1
 _TALLEST = 1e4  # what runs away is cut here
+_NEAR = 3  # steps on both sides of the peak that a close-up shows
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
@@ -130,7 +130,7 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     for method, ratio in zip(methods, dampings, strict=True):
         i = number[method]
         dash = ratios[ratio] if len(ratios) > 1 else i
-        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)], "markersize": 3.5}
+        style = line_look(i, dash) | {"markersize": 3.5}
         if len(number) > 4 or (len(number) > 1 and len(ratios) > 1):
             style |= {"marker": MARKERS[i % len(MARKERS)], "markevery": (0.025 * (i % 8), 0.2)}
         styles.append(style)
@@ -177,27 +177,21 @@ def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
         axes.set_xlim(low, high)
     axes.axhline(1.0, color=LIGHT, linewidth=0.8)
     smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
-    axes.set_ylim(0.0 if smallest < 0.7 else 0.7, 1.25)
-    axes.set_xlabel("dt / T")
-    axes.set_ylabel("spectral radius")
+    axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), xlabel="dt / T", ylabel="spectral radius")
 
 
 def _frame_accuracy(axes: Any, name: str, low: float, high: float) -> None:
     """Limits within `low` and `high`, and not so narrow that rounding is seen."""
     bottom, top = axes.get_ylim()
-    axes.set_ylim(min(max(bottom, low), -0.05), max(min(top, high), 1.0))
-    axes.set_xlim(0.0, _ACCURACY_RANGE)
-    axes.set_xlabel("dt / T")
-    axes.set_ylabel(name)
+    axes.set(ylim=(min(max(bottom, low), -0.05), max(min(top, high), 1.0)), xlim=(0.0, _ACCURACY_RANGE))
+    axes.set(xlabel="dt / T", ylabel=name)
 
 
 def _frame_band(axes: Any) -> None:
-    axes.set_yscale("log")
-    axes.set_ylim(1e-4, 1.0)
+    axes.set(yscale="log", ylim=(1e-4, 1.0))
     axes.set_xlim(*_BAND)
     axes.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
-    axes.set_xlabel("ω dt (the line marks √12)")
-    axes.set_ylabel("spectral radius - 1")
+    axes.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
 
 
 def _frame_steps(axes: Any) -> None:
@@ -237,9 +231,7 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     bottom, top = upper.get_ylim()
     upper.set_ylim(min(bottom, 0.5), max(top, 4.5))
-    lower.set_ylabel("relative error at the finest step")
-    lower.set_yscale("log")
-    lower.set_xscale("log")
+    lower.set(ylabel="relative error at the finest step", yscale="log", xscale="log")
     lower.set_xlabel("frequency of the load over natural frequency")
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
@@ -270,8 +262,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         if math.isnan(one.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
     axes.set_yticks(rows, [short[one.method] for one in measured], parse_math=False)
-    axes.set_ylim(0.3, len(measured) + 0.7)
-    axes.set_xlim(0.0, 5.6)
+    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
     labels = axes.get_legend_handles_labels()[1]
@@ -295,3 +286,61 @@ def _order_title(measured: Sequence[ObservedOrder]) -> str:
     if len({one.method for one in measured}) == 1:
         return f"{short_labels([first.method])[first.method]}\n{text}"
     return text
+
+
+def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
+    """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
+
+    Parameters
+    ----------
+    about : str
+        What the example is, in a line.
+    runs : sequence of ExampleRun
+        Of one example and one step; at least one of them ended. Variants are left out.
+    shown : ExampleFigure
+        Which one.
+    exact : str
+        What is called exact: its name in the legend.
+    reference : str
+        Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
+    """
+    runs = [run for run in runs if run.outcome == "done" and not run.variant]
+    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
+    wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    time = runs[0].motion.time
+    true = runs[0].exact(reference).displacement[:, shown.floor - 1]
+    found = [run.motion.displacement[:, shown.floor - 1] for run in runs]
+    values = [np.abs(one - true) for one in found] if shown.is_error else found
+    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
+    near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
+    labels = list(short_labels([run.method for run in runs]).values())
+    lines: dict[str, Any] = {}
+    for axes, part in ((wide, slice(None)), (close, near)):
+        if not shown.is_error:
+            (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
+        lines |= _draw_motions(axes, time[part], [one[part] for one in values], labels, marked=axes is close)
+    what = "|u - u_exact|" if shown.is_error else "displacement u"
+    wide.set_ylabel(f"{what} (m)", parse_math=False)
+    wide.set_xlim(time[0], time[-1])
+    wide.axvline(time[peak], color="0.3", linewidth=0.8)
+    close.set_title(f"close-up at {time[peak]:.4g} s")
+    close.xaxis.set_major_locator(MaxNLocator(3))
+    if shown.is_error:
+        for axes in (wide, close):
+            axes.set_ylim(bottom=0.0)
+    add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
+    beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
+    floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
+    add_title(figure, f"Figure {shown.number}: {about}\n{what}{floor}, dt {runs[0].dt:g} s{beside}")
+    return figure
+
+
+def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
+    """A line for each method; with markers at every step, or at some. Lines by label."""
+    lines = {}
+    for one, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
+        marks = {"markevery": 1} if marked else {}
+        (line,) = axes.plot(time, one, **{**style, **marks}, linewidth=0.8)
+        lines[label] = line
+    axes.set_xlabel("time (s)")
+    return lines

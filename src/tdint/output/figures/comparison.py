@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.output.figures.spectrum_axes import log_periods
 from tdint.output.figures.style import LIGHT, MARK, add_title, record_name
 from tdint.output_units import SI, OutputUnits
@@ -17,7 +17,6 @@ from tdint.output_units import SI, OutputUnits
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
 
-Array = NDArray[np.float64]
 
 _RECORDED, _COMPUTED = LIGHT, MARK
 _MOST_ROWS, _WORST = 6, 4  # floors that are drawn; of more, those that agree least, and an overview
@@ -144,7 +143,6 @@ def _strongest(one: Comparison) -> tuple[float, float]:
 def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
     axes.plot(spectra.periods, units.of(spectra.recorded, "m/s^2"), color=_RECORDED, linewidth=1.5)
     axes.plot(spectra.periods, units.of(spectra.computed, "m/s^2"), color=_COMPUTED, linewidth=0.9)
-    axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f"SA ({units.label('m/s^2')})")
+    axes.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
     axes.tick_params(axis="x", which="both", labelsize=7.0)
     log_periods(axes, spectra.periods)

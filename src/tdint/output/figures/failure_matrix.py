@@ -78,8 +78,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
 
 
 def _frame(axes: Any, columns: Sequence[tuple[str, float]], methods: Sequence[str]) -> None:
-    axes.set_xlim(-0.5, len(columns) - 0.5)
-    axes.set_ylim(len(methods) - 0.5, -0.5)
+    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(methods) - 0.5, -0.5))
     axes.grid(False)
     axes.tick_params(length=0.0)
     axes.xaxis.tick_top()

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.campaign.fragility.fits import CloudPoints, Fragility
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, line_look, plain_logarithmic
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
 
 _POINTS = 300
@@ -56,10 +56,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         alike = len({one.im for one in functions}) == 1
         if not alike or place >= len(types) - wide:
             axes.set_xlabel(_im_label(of_one[0]))
-    lines = [
-        axes.plot([], [], color=COLORS[i % len(COLORS)], linestyle=DASHES[i % len(DASHES)], linewidth=1.8)[0]
-        for i in range(len(states))
-    ]
+    lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
     figure.legend(lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2)
     add_title(figure, "Probability of reaching or exceeding damage states, 95 % confidence over the motions")
     return figure
@@ -71,7 +68,7 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
     im = np.linspace(0.0, end, _POINTS)[1:]
     for one in functions:
         i = states.index(one.state)
-        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[i % len(DASHES)]}
+        style = line_look(i)
         if np.isfinite(one.covariance).all():
             axes.fill_between(im, *one.band(im), color=style["color"], alpha=0.08, linewidth=0.0)
             for edge in one.band(im):
@@ -83,8 +80,7 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
             axes.plot(
                 one.points.im[shown], one.points.part[shown], linestyle="none", color=style["color"], zorder=4, **mark
             )
-    axes.set_xlim(0.0, end)
-    axes.set_ylim(-0.01, 1.01)
+    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
@@ -92,12 +88,13 @@ def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
-        color, dash = COLORS[i % len(COLORS)], DASHES[i % len(DASHES)]
+        look = line_look(i)
+        color = look["color"]
         low, high = function.band(im)
         axes.fill_between(im, low, high, color=color, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.0)
         for edge in (low, high):
-            axes.plot(im, edge, color=color, linestyle=dash, linewidth=0.5)
-        axes.plot(im, function.probability(im), color=color, linestyle=dash, linewidth=1.8, label=_label(function))
+            axes.plot(im, edge, **look, linewidth=0.5)
+        axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
         if function.beta_model:
             whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
             axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
@@ -107,10 +104,7 @@ def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
             points = function.points.im[shown], function.points.part[shown]
             axes.plot(*points, linestyle="none", color=color, **mark, zorder=4)
     axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
-    axes.set_xlim(0.0, end)
-    axes.set_ylim(-0.01, 1.01)
-    axes.set_xlabel(_im_label(functions[0]))
-    axes.set_ylabel("probability of exceedance")
+    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     title = None if math.isnan(functions[0].threshold) else "exceedance of"
     axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none", title=title, alignment="left")
@@ -141,14 +135,10 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         last = axes.plot(im, factor * line, color=COLORS[0], linestyle=DASHES[1])[0]
     last.set_label(rf"$\pm\sigma$ = {cloud.sigma:.3g}")
     for i, function in enumerate(functions):
-        axes.axhline(
-            function.threshold, color=COLORS[i % len(COLORS)], linestyle=DASHES[i % len(DASHES)], linewidth=0.9
-        )
+        axes.axhline(function.threshold, **line_look(i), linewidth=0.9)
     plain_logarithmic(axes)
     edges = [*cloud.edp.tolist(), *(function.threshold for function in functions)]
-    axes.set_ylim(min(edges) / 1.6, 1.6 * max(edges))
-    axes.set_xlabel(_im_label(functions[0]))
-    axes.set_ylabel("demand")
+    axes.set(ylim=(min(edges) / 1.6, 1.6 * max(edges)), xlabel=_im_label(functions[0]), ylabel="demand")
     axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none")
 
 

@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from tdint.campaign.ida.curve import IdaCurve, fractiles
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.intensity import MotionIntensity
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, record_name
 from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
-
-Array = NDArray[np.float64]
 
 _PARTS = (0.16, 0.5, 0.84)
 _POINTS = 240
@@ -46,10 +43,8 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     for state in states:
         _draw_capacities(axes, state, limit)
     _draw_lost(axes, study, limit)
-    axes.set_xlim(0.0, 100.0 * _BEYOND * limit)
-    axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
-    axes.set_xlabel("largest drift ratio (%)")
-    axes.set_ylabel(measure_label(study.im_name, study.measure.unit))
+    axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0)))
+    axes.set(xlabel="largest drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit))
     add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 

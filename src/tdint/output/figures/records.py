@@ -48,9 +48,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.set_xlim(time[0], time[-1])
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel(f"acceleration ({units.label('m/s^2')})")
+    axes.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"acceleration ({units.label('m/s^2')})")
     write_note(axes, f"peak {units.of(record.pga, 'm/s^2'):.3g} {units.label('m/s^2')}")
 
 
@@ -68,8 +66,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
     _draw_husid(column[3], info, time, units)
-    column[3].set_xlim(time[0], time[-1])
-    column[3].set_xlabel("time (s)")
+    column[3].set(xlim=(time[0], time[-1]), xlabel="time (s)")
 
 
 def _draw_husid(axes: Any, info: RecordInfo, time: Any, units: OutputUnits) -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
     from tdint.ground_motion.record import Record
 
-
-Array = NDArray[np.float64]
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
@@ -152,9 +151,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         )
         below = above
     axes.plot(history.time, factor * given, color=INK, linewidth=1.2, label="input")
-    axes.set_ylabel(f"energy ({unit})")
-    axes.set_xlabel("time (s)")
-    axes.set_xlim(history.time[0], history.time[-1])
+    axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
     # Above the panel: inside, it would lie over what it names.
     narrow = {"borderaxespad": 0.0, "columnspacing": 1.2, "handlelength": 1.6}
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.99), ncols=5, reverse=True, **narrow)
@@ -191,8 +188,7 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
-    axes.set_xlabel(f"drift ({units.label('m')})")
-    axes.set_ylabel(f"story shear ({unit})")
+    axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 

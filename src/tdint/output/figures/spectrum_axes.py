@@ -15,14 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.style import (
     COLORS,
-    DASHES,
     LIGHT,
     add_legend,
     changed,
+    line_look,
     plain_minor_numbers,
     plain_numbers,
     record_name,
@@ -34,8 +35,6 @@ from tdint.output_units import OutputUnits
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum
 
-
-Array = NDArray[np.float64]
 
 _FEW = 8  # periods: with fewer every one is marked
 _SUITE = 7  # motions from which they are a suite: single ones in gray, median and fractiles
@@ -101,8 +100,7 @@ def draw_over_periods(
         for result, place, label, style in zip(results, places, labels, styles, strict=True):
             lines[label] = _draw_line(rows[:, place], result, panels, style)
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
-        axes.set_ylabel(label)
-        axes.set_ylim(bottom=0.0)
+        axes.set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
         axes.set_title(title, parse_math=False)
     for axes in rows[-1]:
@@ -183,7 +181,7 @@ def _line_styles(
     for motion, variant in zip(motions, variants, strict=True):
         dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
         color = dash if len(number) == 1 or by_variant else number[motion]
-        styles.append({"color": COLORS[color % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]})
+        styles.append(line_look(color, dash))
     return styles
 
 
@@ -254,12 +252,10 @@ class _Curve:
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
     """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
 
-    def style(i: int) -> dict[str, Any]:
-        return {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[i % len(DASHES)], "zorder": 3}
-
     if not is_suite(spectra):
         return [
-            _Curve.of(one, units, label, style(i)) for i, (one, label) in enumerate(zip(spectra, labels, strict=True))
+            _Curve.of(one, units, label, line_look(i) | {"zorder": 3})
+            for i, (one, label) in enumerate(zip(spectra, labels, strict=True))
         ]
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
     curves = [_Curve.of(one, units, "", gray) for one in spectra]
@@ -270,7 +266,7 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
         own = [curve for one, curve, counted in chosen if counted and one.damping == ratio]
         sd, psv, psa = (np.median([getattr(one, name) for one in own], axis=0) for name in ("sd", "psv", "psa"))
         name = f"median of {len(own)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
-        curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, style(i) | {"linewidth": 2.0}))
+        curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
     return curves
 
 
@@ -294,8 +290,7 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: O
         place = _positive(curve)
         axes.plot(curve.periods[place], curve.psv[place], **curve.style)
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
-    axes.set_xlabel("period (s)")
-    axes.set_ylabel(f"pseudo-velocity PSV ({units.label('m/s')})")
+    axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
     values = np.concatenate([curve.psv[_positive(curve)] for curve in curves])
     if values.size:
         axes.set_yscale("log")
@@ -336,8 +331,7 @@ def _add_scales(axes: Any, units: OutputUnits) -> None:
             speeds = value * reach
             axes.plot(ends, speeds, color=_SCALE, linewidth=0.8, zorder=1.2)
             _name_scale(axes, ends, speeds, f"{value:g} {unit}", (bottom, top))
-    axes.set_xlim(left, right)
-    axes.set_ylim(bottom, top)
+    axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
 def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]) -> None:
@@ -374,8 +368,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     for curve in curves:
         order = np.argsort(curve.periods, kind="stable")
         axes.plot(curve.sd[order], curve.psa[order], **curve.style)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlim=(0.0, None), ylim=(0.0, None))
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     for period in _PERIODS:
@@ -386,9 +379,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
         look: dict[str, Any] = dict(zip(("xytext", "ha", "va"), place, strict=True))
         look |= {"textcoords": "offset points", "fontsize": 7.5, "color": LIGHT, "annotation_clip": False}
         axes.annotate(f"{period:g} s", (end, slope * end), **look)
-    axes.set_xlim(0.0, right)
-    axes.set_ylim(0.0, top)
-    axes.set_xlabel(f"displacement SD ({units.label('m')})")
+    axes.set(xlim=(0.0, right), ylim=(0.0, top), xlabel=f"displacement SD ({units.label('m')})")
     axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
     _name_curves(figure, axes, curves)
     return figure

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.spectrum_axes import (
     Panel,
@@ -23,10 +23,9 @@ from tdint.output.figures.spectrum_axes import (
     over_periods_title,
 )
 from tdint.output.figures.style import (
-    COLORS,
-    DASHES,
     LIGHT,
     add_title,
+    line_look,
     plain_numbers,
     record_name,
     record_names,
@@ -41,8 +40,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.campaign.suites.target import TargetSpectrum
 
-
-Array = NDArray[np.float64]
 
 _MOST = 4  # components that have panels of their own
 _NAMES = {
@@ -95,12 +92,9 @@ def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
     """Pseudo-accelerations over the periods, a line each."""
     for number, (spectrum, label) in enumerate(zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())):
-        look = {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number % len(DASHES)]}
-        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **look)
+        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_look(number))
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("period (s)")
-    axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
+    axes.set(ylim=(0.0, None), xlabel="period (s)", ylabel=f"pseudo-acceleration PSA ({units.label('m/s^2')})")
     if len(axes.get_lines()) > 1:
         axes.legend(loc="best")
 
@@ -321,8 +315,7 @@ def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     _add_target(figure, target, units, legend=False)
     upper.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
-    lower.set_ylabel(f"displacement SD ({units.label('m')})")
-    lower.set_xlabel("period (s)")
+    lower.set(ylabel=f"displacement SD ({units.label('m')})", xlabel="period (s)")
     log_periods(lower, target.periods)
     for axes in (upper, lower):
         axes.set_ylim(bottom=0.0)

@@ -1,19 +1,49 @@
-"""Figures of imposed displacements: the loops of a cyclic test and their energy, and a pushover."""
+"""Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_ratio_axis, add_title, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_ratio_axis, add_title, line_look, scaled_unit
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import CyclicTest
     from tdint.analysis.static.pushover import Pushover
+    from tdint.model.modes import Modes
+
+_MOST = 4
+_MARKED = 20  # floors that have markers
+
+
+def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
+    """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
+    figure = Figure(figsize=(5.4, 5.6), layout="constrained")
+    draw_modes(figure.subplots(), modes, norm)
+    add_title(figure, name)
+    return figure
+
+
+def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
+    """The shapes of the first modes over the floors."""
+    shapes = modes.normalized(norm)
+    floors = np.arange(len(shapes) + 1)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.8)
+    for mode in range(min(_MOST, len(floors) - 1)):
+        label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
+        marker = MARKERS[mode] if len(shapes) <= _MARKED else None
+        look = line_look(mode) | {"marker": marker, "markersize": 4.0}
+        axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
+    axes.set_ylim(0.0, floors[-1])
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.set_ylabel("floor")
+    axes.set_xlabel("shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1")
+    axes.legend(loc="best")
 
 
 def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
@@ -47,8 +77,7 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     _mark_yielding(axes, test, units)
     if len(axes.get_legend_handles_labels()[0]) > 1:
         axes.legend(loc="upper left")
-    axes.set_xlabel(f"drift ({units.label('m')})")
-    axes.set_ylabel(f"story shear ({unit})")
+    axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     add_ratio_axis(axes, units.of(test.height, "m"), "drift ratio (%)")
 
@@ -70,8 +99,7 @@ def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
     axes.legend(loc="upper left")
     axes.set_xlim(0.0, max(cycle[-1], 1.0))
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    axes.set_xlabel("cycle" if test.points else "step")
+    axes.set(ylim=(min(0.0, axes.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
     axes.set_ylabel(f"energy ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
 
@@ -95,9 +123,7 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
     axes.plot(at, most, "o", color=COLORS[0], label=f"largest base shear {most:.4g} {unit}")
     axes.legend(loc="best")
-    axes.set_xlim(0.0, roof[-1])
-    axes.set_xlabel(f"roof displacement ({units.label('m')})")
-    axes.set_ylabel(f"base shear ({unit})")
+    axes.set(xlim=(0.0, roof[-1]), xlabel=f"roof displacement ({units.label('m')})", ylabel=f"base shear ({unit})")
     add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
 
 
@@ -125,5 +151,4 @@ def _draw_profile(axes: Any, result: Pushover, units: OutputUnits) -> None:
     axes.legend(loc="best")
     axes.set_ylim(stories[0], stories[-1])
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.set_ylabel("story")
-    axes.set_xlabel("drift ratio (%)" if ratio else f"drift ({units.label('m')})")
+    axes.set(ylabel="story", xlabel="drift ratio (%)" if ratio else f"drift ({units.label('m')})")

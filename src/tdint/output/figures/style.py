@@ -97,6 +97,12 @@ _LABEL_PARTS = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 
 Box = tuple[float, float, float, float]
 
 
+def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
+    """Color and dashes of a line by its number, to be told apart without color; another number for the dashes."""
+    dash = number if dash is None else dash
+    return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
+
+
 def picture_format(suffix: str) -> str:
     """The format that a suffix stands for; OutputError for one that no picture has."""
     kind = suffix.lower().lstrip(".")
@@ -329,8 +335,7 @@ def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
 
 def plain_logarithmic(axes: Any) -> None:
     """Both axes logarithmic with plain numbers, ticks at each digit."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis)
         minor_ticks(axis)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, SpectralIntensity
 from tdint.campaign.suites.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.ground_motion.reading.suites import components
@@ -35,7 +35,6 @@ GRAY = "0.72"
 _PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
 _WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV", "arias": "Arias intensity", "cav": "CAV"}
 
-Array = NDArray[np.float64]
 FRACTILES = (16, 84)
 BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 """What a legend calls their lines."""
@@ -118,8 +117,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
     _draw_aim(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
-    axes.set_xlim(periods[0], periods[-1])
-    axes.set_xlabel("period (s)")
+    axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
     add_gravity_axis(axes, units.unit("m/s^2")[0])
     axes.legend(loc="lower left")

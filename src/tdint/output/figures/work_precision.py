@@ -12,12 +12,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.analysis.defaults import QUANTITIES
 from tdint.output.figures.style import (
-    COLORS,
-    DASHES,
     LIGHT,
     MARKERS,
     add_legend,
     add_title,
+    line_look,
     plain_numbers,
     write_labels,
 )
@@ -72,8 +71,7 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _frame(axes)
         plain_numbers(axes.xaxis)
-        axes.set_xlabel("stories (dotted: in proportion to them)" if axes is cost else "stories")
-        axes.set_ylabel(label)
+        axes.set(xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories", ylabel=label)
     _draw_proportion(cost, charts)
     add_legend(figure, cost, handles, lines, _NARROW)
     add_title(
@@ -134,14 +132,9 @@ class _Drawing:
 
 def _style(i: int, line: str) -> dict[str, Any]:
     """Dashes and markers that tell lines apart without color; open markers for other programs."""
-    color = COLORS[i % len(COLORS)]
-    return {
-        "color": color,
-        "linestyle": DASHES[i % len(DASHES)],
-        "marker": MARKERS[i % len(MARKERS)],
-        "markersize": 4.5,
-        "markerfacecolor": "white" if PEER in line else color,
-    }
+    look = line_look(i)
+    face = "white" if PEER in line else look["color"]
+    return look | {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": face}
 
 
 def _draw_times(drawing: _Drawing, name: str) -> Figure:
@@ -161,8 +154,7 @@ def _draw_times(drawing: _Drawing, name: str) -> Figure:
     axes.plot(*_columns(drawing, drawing.own()), linestyle="none", **rings, markeredgewidth=0.8)
     _frame(axes)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
-    axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")
-    axes.set_ylabel("time of the compiled loop (s)")
+    axes.set(xlabel=f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}", ylabel="time of the compiled loop (s)")
     add_legend(figure, axes, handles, list(drawing.lines), _NARROW)
     add_title(figure, _title(drawing, name, "time against accuracy, time steps (s) at the points"))
     shown = drawing.shown()
