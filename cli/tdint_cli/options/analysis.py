@@ -136,6 +136,11 @@ until_rest = option(
 )
 
 
+def of_run(command: Function) -> Function:
+    """The options of a run in time: its method, step and length."""
+    return headings.with_options((method, dt, duration, until_rest), command)
+
+
 DRAWN = (
     "newmark-average",
     "central-difference",

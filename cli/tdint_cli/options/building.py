@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from tdint.errors import UsageError
+from tdint_cli.options import analysis, headings
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.options.values import FileName
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model, RecordSource
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-model = click.argument("model", metavar="MODEL.yaml", type=FileName())
+
+_MODEL = click.argument("model", metavar="MODEL.yaml", type=FileName())
+
+
+def model(command: Function) -> Function:
+    """The model, and the plug-ins with methods and laws that it may have."""
+    return headings.with_options((analysis.plugin, _MODEL), command)
 
 
 @dataclass(frozen=True)

@@ -35,14 +35,22 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 option = partial(headings.option, heading=headings.SPECTRUM)
 
 
-per_record = output.output(
+_PER_RECORD = output.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
     "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
 )
-picture = output.plot(
+_PICTURE = output.plot(
     "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
 )
+
+
+def tables_of_records(*more: Callable[[Any], Any]) -> Callable[[Function], Function]:
+    """The options of a command with a table of each record, or of all; `more` of its picture."""
+    declarations = (_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
+    return lambda command: headings.with_options(declarations, command)
+
+
 SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mean.csv", "floor-spectra.png"
 MOTIONS = "floors.mseed"
 """The files of floors, in the folder of -o."""

@@ -91,7 +91,6 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 
 
 @options.command("compare")
-@options.analysis.plugin
 @options.building.model
 @options.option(
     "--recorded",

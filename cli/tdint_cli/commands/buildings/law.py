@@ -24,7 +24,6 @@ _POINTS = 200
 
 
 @options.command("law")
-@options.analysis.plugin
 @options.building.model
 @options.option(
     "--story",

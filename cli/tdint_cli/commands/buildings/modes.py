@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 
 @options.command("modes")
-@options.analysis.plugin
 @options.building.model
 @options.option(
     "--shapes",

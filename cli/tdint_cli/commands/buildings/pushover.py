@@ -22,7 +22,6 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 
 
 @options.command("pushover")
-@options.analysis.plugin
 @options.building.model
 @options.option(
     "--pattern",

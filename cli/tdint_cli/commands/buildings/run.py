@@ -83,7 +83,6 @@ class Request(BuildingRequest, SuiteRequest):
 
 
 @options.command("run")
-@options.analysis.plugin
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
@@ -109,10 +108,7 @@ class Request(BuildingRequest, SuiteRequest):
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
 @options.spectra.floor_periods
-@options.analysis.method
-@options.analysis.dt
-@options.analysis.duration
-@options.analysis.until_rest
+@options.analysis.of_run
 @options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
 @options.output.option(
     "--history",

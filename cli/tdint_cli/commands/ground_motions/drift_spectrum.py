@@ -68,11 +68,7 @@ class DriftRequest(TablesRequest):
     is_flag=True,
     help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
 )
-@options.spectra.per_record
-@options.spectra.picture
-@options.output.jobs
-@options.output.units
-@options.output.overwrite
+@options.spectra.tables_of_records()
 def command(**given: Any) -> None:
     """Drift spectra: the largest story drifts of shear buildings.
 

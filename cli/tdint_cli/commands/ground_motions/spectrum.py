@@ -18,28 +18,8 @@ from tdint_cli.commands.ground_motions.target_table import write_target
 @options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method
-@kinds.maxima
-@kinds.interpolation
-@kinds.rotd
-@kinds.pairs
-@kinds.ductility
-@kinds.strength
-@kinds.hardening
-@kinds.oscillator
-@kinds.history
-@options.studies.target(
-    "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
-    options.headings.SPECTRUM,
-)
-@kinds.against
-@kinds.against_column
-@kinds.against_interpolation
-@options.spectra.per_record
-@options.spectra.picture
-@kinds.axes
-@options.output.jobs
-@options.output.units
-@options.output.overwrite
+@kinds.options
+@options.spectra.tables_of_records(kinds.axes)
 def command(**given: Any) -> None:
     """Response spectra of ground-motion records, elastic and inelastic.
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -13,7 +13,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.output import figures, tables
 from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
-from tdint_cli.options import output
+from tdint_cli.options import headings, output, studies
 from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.spectra import option
 from tdint_cli.options.values import FileName, Number, Ratio, pair_names
@@ -28,20 +28,7 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
-maxima = option(
-    "--maxima",
-    type=click.Choice(["exact", "peer", "samples"]),
-    help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more steps "
-    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
-    "Not with --method, whose steps have their own. Adds a column.",
-)
-interpolation = option(
-    "--interpolation",
-    type=click.Choice(["linear", "band-limited"]),
-    help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
-    "frequencies above half the sampling rate (band-limited). Adds a column.",
-)
-
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 axes = output.option(
     "--axes",
@@ -51,76 +38,101 @@ axes = output.option(
     "scales of the other two (tripartite), or PSA over SD (adrs).",
 )
 
-rotd = option(
-    "--rotd",
-    type=click.IntRange(0, 100),
-    many=True,
-    metavar="P,...",
-    help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
-    "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+_OPTIONS = (
+    option(
+        "--maxima",
+        type=click.Choice(["exact", "peer", "samples"]),
+        help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
+        "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
+        "Not with --method, whose steps have their own. Adds a column.",
+    ),
+    option(
+        "--interpolation",
+        type=click.Choice(["linear", "band-limited"]),
+        help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
+        "frequencies above half the sampling rate (band-limited). Adds a column.",
+    ),
+    option(
+        "--rotd",
+        type=click.IntRange(0, 100),
+        many=True,
+        metavar="P,...",
+        help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
+        "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+    ),
+    option(
+        "--pairs",
+        needs="--rotd",
+        type=pair_names,
+        metavar="NAMES",
+        help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
+    ),
+    option(
+        "--ductility",
+        type=Number(1.0, MOST_DUCTILE),
+        many=True,
+        metavar="MU,...",
+        help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
+        "(the largest strength if there are several).",
+    ),
+    option(
+        "--strength",
+        type=Ratio(0.0, min_open=True),
+        many=True,
+        metavar="RATIO,...",
+        help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
+    ),
+    option(
+        "--hardening",
+        needs="--ductility or --strength",
+        type=Ratio(0.0, 1.0, max_open=True),
+        metavar="RATIO",
+        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
+        "(elastoplastic).",
+    ),
+    option(
+        "--oscillator",
+        needs="--history",
+        type=Number(0.0, min_open=True),
+        many=True,
+        metavar="SECONDS,...",
+        help="With --history: the motion of elastic oscillators of these periods instead.",
+    ),
+    option(
+        "--history",
+        needs="--oscillator",
+        metavar="",
+        help="With --oscillator: a row for each sample.",
+    ),
+    studies.target(
+        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
+        headings.SPECTRUM,
+    ),
+    option(
+        "--against",
+        type=FileName(),
+        metavar="FILE",
+        help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
+        "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
+    ),
+    option(
+        "--against-column",
+        needs="--against",
+        metavar="NAME",
+        help="Which column of the published spectrum, if it has several.",
+    ),
+    option(
+        "--against-interpolation",
+        needs="--against",
+        type=click.Choice(["log-log"]),
+        help="Take the published spectrum between its periods on straight lines in logarithms.",
+    ),
 )
-pairs = option(
-    "--pairs",
-    needs="--rotd",
-    type=pair_names,
-    metavar="NAMES",
-    help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
-)
-ductility = option(
-    "--ductility",
-    type=Number(1.0, MOST_DUCTILE),
-    many=True,
-    metavar="MU,...",
-    help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement (the "
-    "largest strength if there are several).",
-)
-strength = option(
-    "--strength",
-    type=Ratio(0.0, min_open=True),
-    many=True,
-    metavar="RATIO,...",
-    help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
-)
-hardening = option(
-    "--hardening",
-    needs="--ductility or --strength",
-    type=Ratio(0.0, 1.0, max_open=True),
-    metavar="RATIO",
-    help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",
-)
-oscillator = option(
-    "--oscillator",
-    needs="--history",
-    type=Number(0.0, min_open=True),
-    many=True,
-    metavar="SECONDS,...",
-    help="With --history: the motion of elastic oscillators of these periods instead.",
-)
-history = option(
-    "--history",
-    needs="--oscillator",
-    metavar="",
-    help="With --oscillator: a row for each sample.",
-)
-against = option(
-    "--against",
-    type=FileName(),
-    metavar="FILE",
-    help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
-    "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
-)
-against_column = option(
-    "--against-column",
-    needs="--against",
-    metavar="NAME",
-    help="Which column of the published spectrum, if it has several.",
-)
-against_interpolation = option(
-    "--against-interpolation",
-    needs="--against",
-    type=click.Choice(["log-log"]),
-    help="Take the published spectrum between its periods on straight lines in logarithms.",
-)
+
+
+def options(command: Function) -> Function:
+    """The options that choose a kind of spectra, and how it is made."""
+    return headings.with_options(_OPTIONS, command)
 
 
 class _OfOscillators(Kind):

@@ -53,7 +53,6 @@ class Request(BuildingRequest):
 
 
 @options.command("chart")
-@options.analysis.plugin
 @options.building.model
 @options.analysis.methods("ten of them, from impulse4 to exact,")
 @options.analysis.option(

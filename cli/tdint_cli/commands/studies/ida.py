@@ -84,7 +84,6 @@ class IdaRequest(RecordsRequest):
 
 
 @options.command("ida")
-@options.analysis.plugin
 @options.building.model
 @options.record.of_records
 @options.studies.option(
@@ -145,10 +144,7 @@ class IdaRequest(RecordsRequest):
     metavar="2%,...",
     help="Drift ratios to which the mainshock is scaled; a study for each.",
 )
-@options.analysis.method
-@options.analysis.dt
-@options.analysis.duration
-@options.analysis.until_rest
+@options.analysis.of_run
 @options.analysis.option(
     "--check",
     is_flag=True,
