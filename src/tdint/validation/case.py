@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tdint.arrays import Array as Array
 
 ROUNDING = "rounding of the source"
 NUMERICAL = "numerical error"
@@ -67,6 +68,22 @@ class ValidationCase:
 def _without_computing(values: dict[str, Any]) -> ValidationCase:
     """A case that has travelled to another process: it tells what it is, and computes nothing."""
     return ValidationCase(**values, computed=tuple)
+
+
+def cases_of(
+    group: str,
+    computed: Mapping[str, Callable[[], Array]],
+    known: Mapping[str, tuple[float, ...]],
+) -> tuple[ValidationCase, ...]:
+    """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that a formula gives."""
+    text = (files("tdint.validation") / "cases.toml").read_text(encoding="utf-8")
+    found = []
+    for said in tomllib.loads(text)[group]:
+        name = said["name"]
+        published = tuple(said.pop("published", ())) or known[name]
+        quantities = tuple(said.pop("quantities"))
+        found.append(ValidationCase(**said, published=published, quantities=quantities, computed=computed[name]))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

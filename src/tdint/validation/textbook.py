@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,14 @@ from tdint.campaign.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record
 from tdint.model.config.model_file import load_model
 from tdint.tabular import Several
-from tdint.validation.case import NUMERICAL, ROUNDING, Array, ValidationCase, ValidationResult, carry_out
+from tdint.validation.case import Array, ValidationCase, ValidationResult, carry_out, cases_of
 from tdint.validation.closed_forms import closed_form_cases
 
 INCH = 0.0254
-_TENTHS = tuple(f"u({i / 10:.1f} s)" for i in range(1, 11))
 
 
-def _chopra_5(method: str, law: Mapping[str, Any] | None = None) -> Array:
-    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 at 0.1 to 1.0 s, in steps of 0.1 s."""
+def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
+    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many steps of 0.1 s."""
     model = load_model(
         {
             "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
@@ -34,31 +34,7 @@ def _chopra_5(method: str, law: Mapping[str, Any] | None = None) -> Array:
     record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
     history = run(model, record, method=method, history=True).history
     assert history is not None
-    return np.asarray(history.displacement[1:, 0] / INCH)
-
-
-def _table_of_chopra(
-    table: str,
-    method: str,
-    published: tuple[float, ...],
-    tolerance: float,
-    law: Mapping[str, Any] | None = None,
-    source: str = "",
-    remark: str = "the book carries four decimals from step to step",
-) -> ValidationCase:
-    plastic = "elastoplastic " if law else ""
-    return ValidationCase(
-        name=f"chopra-{table}",
-        title=f"{plastic}oscillator under half a sine in steps of 0.1 s by `{method}`",
-        source=source or f"A. K. Chopra, Dynamics of Structures, 4th ed. (2012), table {table}",
-        unit="in",
-        quantities=_TENTHS[: len(published)],
-        published=published,
-        computed=lambda: _chopra_5(method, law)[: len(published)],
-        tolerance=tolerance,
-        difference_is=ROUNDING,
-        remark=remark,
-    )
+    return np.asarray(history.displacement[1 : steps + 1, 0] / INCH)
 
 
 _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
@@ -77,22 +53,6 @@ def _bathe(method: str) -> Array:
     history = run(model, method=method, history=True).history
     assert history is not None
     return np.asarray(history.displacement[-1, :2])
-
-
-def _example_of_bathe(number: str, method: str, published: tuple[float, float], remark: str = "") -> ValidationCase:
-    exact = method == "exact"
-    return ValidationCase(
-        name=f"bathe-{number}",
-        title=f"two masses between walls, step 12 of 0.28 s by `{method}`",
-        source=f"K. J. Bathe, Finite Element Procedures, 2nd ed. (2014), example {number}",
-        unit="1",
-        quantities=("u1(3.36 s)", "u2(3.36 s)"),
-        published=published,
-        computed=lambda: _bathe(method),
-        tolerance=5e-4 if exact else 5e-3,
-        difference_is=ROUNDING,
-        remark=remark or f"printed with {3 if exact else 2} decimals",
-    )
 
 
 def _five_yielding_stories() -> Array:
@@ -116,6 +76,17 @@ def _circular_frequencies(*stories: dict[str, Any]) -> Array:
     return np.asarray(modes(load_model({"stories": list(stories)})).omega)
 
 
+def _eigenvalues_of_three_masses() -> Array:
+    stories = ({"mass": 11.1, "stiffness": 30}, {"mass": 22.2, "stiffness": 20}, {"mass": 33.3, "stiffness": 10})
+    return _circular_frequencies(*stories) ** 2
+
+
+def _frequencies_of_eight_masses() -> Array:
+    """Frequencies (Hz) of eight masses between walls; that of the wall, which is a mass, is left out."""
+    masses, wall = {"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5}
+    return _circular_frequencies(masses, wall)[1:] / (2.0 * math.pi)
+
+
 def _forced_by_a_sine() -> Array:
     """Natural frequency (Hz) and displacement (m) at 1 s of code_aster's SDLD106."""
     model = load_model(
@@ -135,138 +106,30 @@ def _stripes() -> Array:
     return np.array([found.theta, found.beta])
 
 
+_COMPUTED: dict[str, Callable[[], Array]] = {
+    "chopra-E5.1": partial(_chopra_5, "exact"),
+    "chopra-E5.2": partial(_chopra_5, "central-difference"),
+    "chopra-E5.3": partial(_chopra_5, "newmark-average"),
+    "chopra-E5.4": partial(_chopra_5, "newmark-linear"),
+    "chopra-E5.5": partial(_chopra_5, "newmark-average", _PLASTIC, 9),
+    "chopra-E5.5 by Hyfeast": partial(_chopra_5, "newmark-average", _PLASTIC),
+    "bathe-9.1": partial(_bathe, "central-difference"),
+    "bathe-9.3": partial(_bathe, "newmark-average"),
+    "bathe-9.3 (1976)": partial(_bathe, "wilson:theta=1.4"),
+    "bathe-9.4": partial(_bathe, "bathe"),
+    "bathe-9.7": partial(_bathe, "exact"),
+    "structdyn-16.4": _five_yielding_stories,
+    "opensees-eigen": _eigenvalues_of_three_masses,
+    "chopra-10.4": partial(_circular_frequencies, {"mass": 2, "stiffness": 2}, {"mass": 1, "stiffness": 1}),
+    "code-aster-sdld02": _frequencies_of_eight_masses,
+    "code-aster-sdld106": _forced_by_a_sine,
+    "baker-2015": _stripes,
+}
+
+
 def textbook_cases() -> tuple[ValidationCase, ...]:
     """Tables of textbooks and printed results of other programs."""
-    opensees = "OpenSees, example SmallEigen, printed eigenvalues"
-    hyfeast = "Hyfeast, manual, table E.7.2 (the same oscillator, computed with more digits)"
-    return (
-        _table_of_chopra(
-            "E5.1",
-            "exact",
-            (0.0318, 0.2274, 0.6336, 1.1339, 1.4896, 1.4480, 0.9037, 0.0579, -0.7577, -1.2432),
-            1e-4,
-        ),
-        _table_of_chopra(
-            "E5.2",
-            "central-difference",
-            (0.0000, 0.1914, 0.6293, 1.1825, 1.5808, 1.5412, 0.9141, -0.0247, -0.8968, -1.3726),
-            1e-4,
-        ),
-        _table_of_chopra(
-            "E5.3",
-            "newmark-average",
-            (0.0437, 0.2326, 0.6121, 1.0825, 1.4309, 1.4231, 0.9622, 0.1908, -0.6044, -1.1442),
-            1e-4,
-        ),
-        _table_of_chopra(
-            "E5.4",
-            "newmark-linear",
-            (0.0300, 0.2193, 0.6166, 1.1130, 1.4782, 1.4625, 0.9514, 0.1273, -0.6954, -1.2208),
-            1e-4,
-        ),
-        _table_of_chopra(
-            "E5.5",
-            "newmark-average",
-            (0.0437, 0.2326, 0.6121, 1.1143, 1.6214, 1.9891, 2.0951, 1.9240, 1.5602),
-            1.5e-4,
-            _PLASTIC,
-        ),
-        _table_of_chopra(
-            "E5.5 by Hyfeast",
-            "newmark-average",
-            (0.043667, 0.23262, 0.61207, 1.1144, 1.6215, 1.9892, 2.0952, 1.9241, 1.5603, 1.1416),
-            5.5e-5,
-            _PLASTIC,
-            hyfeast,
-            "printed with five digits",
-        ),
-        _example_of_bathe("9.1", "central-difference", (1.02, 2.60)),
-        _example_of_bathe("9.3", "newmark-average", (1.40, 2.31)),
-        _example_of_bathe("9.3 (1976)", "wilson:theta=1.4", (1.54, 2.29)),
-        _example_of_bathe("9.4", "bathe", (1.28, 2.40)),
-        _example_of_bathe("9.7", "exact", (1.157, 2.489)),
-        ValidationCase(
-            "structdyn-16.4",
-            "roof of five yielding stories after 2 s of shaking, by `newmark-average`",
-            "StructDyn, tests/test_mdf.py, after Chopra, example 16.4",
-            "m",
-            ("u5(2 s)",),
-            (0.03998638459760687,),
-            _five_yielding_stories,
-            1e-13,
-            NUMERICAL,
-            remark="same method and step: equal but for rounding",
-        ),
-        ValidationCase(
-            "opensees-eigen",
-            "eigenvalues of three masses",
-            opensees,
-            "1/s^2",
-            ("omega1^2", "omega2^2", "omega3^2"),
-            (0.139300647653736, 1.05865310768512, 4.9582024008173),
-            lambda: (
-                _circular_frequencies(
-                    {"mass": 11.1, "stiffness": 30}, {"mass": 22.2, "stiffness": 20}, {"mass": 33.3, "stiffness": 10}
-                )
-                ** 2
-            ),
-            1e-10,
-            NUMERICAL,
-            relative=True,
-        ),
-        ValidationCase(
-            "chopra-10.4",
-            "frequencies of two stories",
-            "Chopra, example 10.4",
-            "rad/s",
-            ("omega1", "omega2"),
-            (0.70710678, 1.41421356),
-            lambda: _circular_frequencies({"mass": 2, "stiffness": 2}, {"mass": 1, "stiffness": 1}),
-            5e-9,
-            ROUNDING,
-            remark="printed with eight decimals",
-        ),
-        ValidationCase(
-            "code-aster-sdld02",
-            "frequencies of eight masses between walls",
-            "code_aster, V2.01.002 (SDLD02)",
-            "Hz",
-            tuple(f"f{i}" for i in range(1, 9)),
-            (5.527393, 10.886839, 15.915494, 20.460565, 24.383952, 27.566445, 29.911345, 31.347404),
-            lambda: (
-                _circular_frequencies({"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5})[1:]
-                / (2.0 * math.pi)
-            ),
-            5.5e-7,
-            ROUNDING,
-            remark="printed with six decimals; the frequency of the wall, 5e-6 Hz, is left out",
-        ),
-        ValidationCase(
-            "code-aster-sdld106",
-            "an oscillator of 0.1 Hz under sin t",
-            "code_aster, V2.01.106 (SDLD106)",
-            "Hz, m",
-            ("f0", "u(1 s)"),
-            (0.1, 1.55346e-3),
-            _forced_by_a_sine,
-            5e-4,
-            ROUNDING,
-            relative=True,
-            remark="5e-4 is code_aster's own tolerance",
-        ),
-        ValidationCase(
-            "baker-2015",
-            "fragility of the largest likelihood of published stripes",
-            "J. W. Baker (2015), Earthquake Spectra 31(1), example data; a direct search stands for the result",
-            "1",
-            ("theta", "beta"),
-            (1.07611579, 0.4292372),
-            _stripes,
-            5e-8,
-            NUMERICAL,
-            remark="the numbers printed in the paper were not at hand",
-        ),
-    )
+    return cases_of("textbook", _COMPUTED, {})
 
 
 def validate() -> Several[ValidationResult]:
