@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
@@ -74,8 +73,7 @@ def carry_out(
             units = request.output_units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
             profiles = Profiles(store, request, units)
-            more = {**_of_floors(plan, profiles), **_report(plan, profiles), **_measures(plan, profiles)}
-            finish(store, folder, units, overwrite=overwrite, profiles=profiles, more=more)
+            finish(store, folder, units, overwrite=overwrite, profiles=profiles, plan=plan)
             if show:
                 emit_table(tables.campaign.runs_table(store).in_units(units))
             if request.baseline is not None and is_complete(store):
@@ -156,11 +154,11 @@ def finish(
     *,
     overwrite: bool = False,
     profiles: Profiles | None = None,
-    more: Mapping[str, Content] = MappingProxyType({}),
+    plan: Plan | None = None,
 ) -> None:
-    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
-    these, `more`, summary.json; and what was exported of an earlier state anew."""
-    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **more}
+    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, what is asked for
+    over all motions, summary.json; and what was exported of an earlier state anew."""
+    writers = {RUNS: _runs(store, units), **_of_suite(folder, profiles, plan)}
     ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if store.is_ours(folder / name)]
     again = _exports(store, units, ours)
     written = {name: writer for name, writer in again.items() if writer}
@@ -173,47 +171,30 @@ def finish(
             note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
-def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Content]:
-    """The picture of the profiles, if one is asked for and all runs are done."""
-    picture = profiles.request.picture(folder) if profiles else None
-    if not profiles or not picture or not is_complete(profiles.store):
+def _of_suite(folder: Path, profiles: Profiles | None, plan: Plan | None = None) -> dict[str, Content]:
+    """What is asked for over all motions, once all runs are done: the picture of the profiles and the buildings over a
+    baseline; of a plan also spectra of floors, the page, and intensities of the runs."""
+    if not profiles:
         return {}
-    return {str(picture.absolute()): profiles.draw(picture)}
-
-
-def _ratios(profiles: Profiles | None) -> dict[str, Content]:
-    """The buildings over a baseline, if they are asked for and all runs are done."""
-    if not profiles or profiles.request.baseline is None or not is_complete(profiles.store):
+    request, store = profiles.request, profiles.store
+    picture = request.picture(folder)
+    if not is_complete(store):
         return {}
-    return {RATIOS: profiles.ratios(stories=True).csv()}
+    found: dict[str, Content] = {str(picture.absolute()): profiles.draw(picture)} if picture else {}
+    if request.baseline is not None:
+        found[RATIOS] = profiles.ratios(stories=True).csv()
+    if plan is None:
+        return found
+    found |= request.of_floors.of_suite(plan, store, request.jobs, profiles.units, plot=request.plot is not None)
+    if request.report is not None:
+        found[str(Path(request.report).absolute())] = profiles.report(plan)
+    if request.im:
+        from tdint.campaign.fragility.run_measures import measured, run_measure
 
-
-def _report(plan: Plan, profiles: Profiles) -> dict[str, Content]:
-    """The page, if it is asked for and all runs are done."""
-    report = profiles.request.report
-    if report is None or not is_complete(profiles.store):
-        return {}
-    return {str(Path(report).absolute()): profiles.report(plan)}
-
-
-def _measures(plan: Plan, profiles: Profiles) -> dict[str, Content]:
-    """The intensities of the runs, if they are asked for and all are done."""
-    wanted = profiles.request.im
-    if not wanted or not is_complete(profiles.store):
-        return {}
-    from tdint.campaign.fragility.run_measures import measured, run_measure
-
-    found = [run_measure(name) for name in wanted]
-    table = tables.campaign.measures_table(found, measured(plan, profiles.store, found))
-    return {MEASURES: table.in_units(profiles.units).csv()}
-
-
-def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Content]:
-    """What is written of floors, once all runs are done."""
-    request = profiles.request
-    if not request.of_floors or not is_complete(profiles.store):
-        return {}
-    return request.of_floors.of_suite(plan, profiles.store, request.jobs, profiles.units, plot=request.plot is not None)
+        measures = [run_measure(name) for name in request.im]
+        table = tables.campaign.measures_table(measures, measured(plan, store, measures))
+        found[MEASURES] = table.in_units(profiles.units).csv()
+    return found
 
 
 def export(
@@ -238,12 +219,7 @@ def export(
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
     wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(store, units, wanted).items() if writer}
-    writers: dict[str, Content] = {
-        RUNS: _runs(store, units),
-        **_picture(folder, profiles),
-        **_ratios(profiles),
-        **others,
-    }
+    writers: dict[str, Content] = {RUNS: _runs(store, units), **_of_suite(folder, profiles), **others}
     _write(folder, store, writers, units, overwrite=overwrite)
 
 

@@ -21,11 +21,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record
-
-Array = NDArray[np.float64]
 
 _POINTS = 16
 """Points per sampling interval, and per period of the stiffest oscillator."""

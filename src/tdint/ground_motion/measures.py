@@ -11,12 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.units import STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
 
 HOUSNER_PERIODS = (0.1, 2.5)
 """Range of periods of the spectrum intensity, s, its spectrum at 5 % damping (Housner 1952)."""

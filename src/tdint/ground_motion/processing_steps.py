@@ -7,13 +7,11 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.interpolation import MOST_SAMPLES, resampled
 from tdint.ground_motion.record import Record
-
-Array = NDArray[np.float64]
 
 _NARROWEST = 1e-5
 """Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling rate: closer,

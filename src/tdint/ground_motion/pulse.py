@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.units import ACCELERATION, parse_acceleration
 from tdint.written_numbers import parse_named, parse_positive
-
-Array = NDArray[np.float64]
 
 _DT, _SAMPLES_PER_CYCLE = 0.01, 40
 _REST, _SHORTEST = 5.0, 20.0  # s: rest after a motion, and the least of both together

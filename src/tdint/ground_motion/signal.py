@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.interpolation import resampled
 from tdint.ground_motion.processing import CORNERS
 from tdint.ground_motion.processing_steps import zero_phase
 from tdint.ground_motion.record import Input
-
-Array = NDArray[np.float64]
 
 _QUIET = 1e-6
 """Part of the squared velocities of a displacement that comes before the shaking."""

@@ -6,27 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from tdint.ground_motion.header_checks.gse import gse_statements, look_at_gse
-from tdint.ground_motion.header_checks.mseed import look_at_mseed, mseed_statements
-from tdint.ground_motion.header_checks.recorders import (
-    evt_statements,
-    gcf_statements,
-    look_at_evt,
-    look_at_gcf,
-    look_at_reftek,
-    reftek_statements,
-)
-from tdint.ground_motion.header_checks.sac import look_at_sac, sac_statements
-from tdint.ground_motion.header_checks.statement import (
-    Statement,
-    check_step,
-    compare,
-    handler_statements,
-    knet_statements,
-    look_at_handler,
-    look_at_timeseries,
-    timeseries_statements,
-)
+from tdint.ground_motion.header_checks import gse, mseed, recorders, sac, statement
+from tdint.ground_motion.header_checks.statement import Statement, check_step, compare
 
 
 def _nothing(_: bytes) -> None:
@@ -50,17 +31,17 @@ class Check:
 
 
 CHECKS = {
-    "MSEED": Check(mseed_statements, look_at_mseed),
-    "SAC": Check(sac_statements, look_at_sac),
-    "GSE1": Check(gse_statements, look_at_gse),
-    "GSE2": Check(gse_statements, look_at_gse),
-    "SLIST": Check(timeseries_statements, look_at_timeseries),
-    "TSPAIR": Check(timeseries_statements, look_at_timeseries),
-    "SH_ASC": Check(handler_statements, look_at_handler),
-    "KNET": Check(knet_statements),
-    "KINEMETRICS_EVT": Check(evt_statements, look_at_evt),
-    "GCF": Check(gcf_statements, look_at_gcf),
-    "REFTEK130": Check(reftek_statements, look_at_reftek),
+    "MSEED": Check(mseed.mseed_statements, mseed.look_at_mseed),
+    "SAC": Check(sac.sac_statements, sac.look_at_sac),
+    "GSE1": Check(gse.gse_statements, gse.look_at_gse),
+    "GSE2": Check(gse.gse_statements, gse.look_at_gse),
+    "SLIST": Check(statement.timeseries_statements, statement.look_at_timeseries),
+    "TSPAIR": Check(statement.timeseries_statements, statement.look_at_timeseries),
+    "SH_ASC": Check(statement.handler_statements, statement.look_at_handler),
+    "KNET": Check(statement.knet_statements),
+    "KINEMETRICS_EVT": Check(recorders.evt_statements, recorders.look_at_evt),
+    "GCF": Check(recorders.gcf_statements, recorders.look_at_gcf),
+    "REFTEK130": Check(recorders.reftek_statements, recorders.look_at_reftek),
 }
 """ObsPy's formats; tdint's own readers compare while they read (`tdint.ground_motion.formats.series`)."""
 

@@ -14,13 +14,12 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.record import Input
-
-Array = NDArray[np.float64]
 
 _PASSING, _LEFT = math.sqrt(0.5), 0.1
 """Parts of the amplitude between which the recorder's digital filters decide where frequencies are faded out. What they
@@ -82,7 +81,7 @@ def _refuse_definitions(data: bytes, source: str) -> None:
         raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
 
 
-def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[Array, tuple[str, ...]]:
     """Remove an instrument's response, all of it, so that the trace becomes ground acceleration.
 
     The mean (the recorder's zero offset) is taken off first. The spectrum is then divided by the response without a

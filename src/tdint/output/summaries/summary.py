@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
@@ -23,8 +22,6 @@ from tdint.version import version_of_sources
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
-
-Array = NDArray[np.float64]
 
 _SCHEMA = 1
 

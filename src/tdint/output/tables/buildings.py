@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.model.laws import LAWS
 from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, rows_of
 from tdint.output_units import SI, OutputUnits
@@ -169,9 +169,6 @@ FITTED = (
 def of_event(name: str) -> Column:
     """The column that tells events apart, the last one."""
     return Column("recorded", "text", lambda _: name, "file of the recordings")
-
-
-Array = NDArray[np.float64]
 
 
 def cyclic_table(test: CyclicTest) -> Table:
