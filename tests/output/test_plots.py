@@ -21,7 +21,7 @@ from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.output.figures.demands.story_profiles import profile_picture
+from tdint.output.figures.demands import profile_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture

@@ -17,18 +17,7 @@ from tdint_cli.commands.ground_motions.spectrum_request import Kind, SpectrumReq
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
 from tdint_cli.options.output import Outputs
 
-_OF_RECORDS = (
-    "method",
-    "maxima",
-    "interpolation",
-    "rotd",
-    "ductility",
-    "strength",
-    "axes",
-    "against",
-    "component",
-    "units",
-)
+_NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "axes", "against", "component", "units")
 """Options that a target alone does not take."""
 
 
@@ -96,7 +85,7 @@ def _write_target(request: SpectrumRequest) -> None:
     target = request.aim
     if target is None:
         raise UsageError("Missing argument 'RECORD...'. Without one, --target makes a table.")
-    request.refuse((*_OF_RECORDS, "inventory"), "is for records, and there is none")
+    request.refuse((*_NOT, "inventory"), "is for records, and there is none")
     if click.get_current_context().get_parameter_source("damping") == click.core.ParameterSource.COMMANDLINE:
         raise UsageError("--damping is for records; a design spectrum takes it by name: ec8:...,damping=2%")
     if request.is_folder:

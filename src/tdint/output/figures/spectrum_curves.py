@@ -22,14 +22,7 @@ from tdint.output.figures.spectrum_axes import (
     log_periods,
     over_periods_title,
 )
-from tdint.output.figures.style import (
-    LIGHT,
-    add_title,
-    line_look,
-    plain_numbers,
-    record_name,
-    record_names,
-)
+from tdint.output.figures.style import LIGHT, add_title, line_look, plain_numbers, record_name, record_names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:

@@ -11,15 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.analysis.defaults import QUANTITIES
-from tdint.output.figures.style import (
-    LIGHT,
-    MARKERS,
-    add_legend,
-    add_title,
-    line_look,
-    plain_numbers,
-    write_labels,
-)
+from tdint.output.figures.style import LIGHT, MARKERS, add_legend, add_title, line_look, plain_numbers, write_labels
 from tdint.output.tables.methods import PEER
 from tdint.written_numbers import how_many
 
