@@ -1,10 +1,17 @@
-"""A checker of the part of JSON schema (draft 7) that tdint's schemas use; anything else in a schema is an error."""
+"""A checker of the part of JSON schema (draft 7) that tdint's schemas use; anything else in a schema is an error. And
+what a schema must refuse, made from what the keys of a file declare.
+"""
 
 from __future__ import annotations
 
+import copy
 import re
 from collections.abc import Callable
 from typing import Any
+
+import yaml
+
+from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 
 TYPES: dict[str, Callable[[object], bool]] = {
     "object": lambda value: isinstance(value, dict),
@@ -61,3 +68,54 @@ def _holds(word: str, told: Any, value: Any, schema: dict[str, Any]) -> bool:
                 and all(valid(item, told[name]) for name, item in known.items())
             )
     raise AssertionError(f"the checker does not know {word!r}")
+
+
+_FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+def tree(text: str) -> Any:
+    """YAML as an editor reads it (version 1.2, where 2e8 is a number)."""
+
+    def converted(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: converted(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [converted(item) for item in value]
+        return float(value) if isinstance(value, str) and _FLOAT.fullmatch(value) else value
+
+    return converted(yaml.safe_load(text))
+
+
+def wrong(kind: ValueKind) -> list[object]:
+    """Values that a kind does not allow, made from what it declares."""
+    if isinstance(kind, Bounds):
+        outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
+        return [[1], "abc", *(value for value in outside if abs(value) < 1e30 and not kind.allow(value))]
+    if isinstance(kind, Whole):
+        return [kind.low - 1, kind.high + 1, kind.low + 0.5, "a"]
+    if isinstance(kind, Choice):
+        return ["no such name", {}]
+    if isinstance(kind, EntriesOf):
+        return [{}, 3, *([[]] if kind.least else []), *([one] for one in wrong(kind.kind))]
+    if isinstance(kind, Keys):
+        return ["text", [1], {"no such key": 1}]
+    return [[[]]] if not isinstance(kind, Either) else [[[]], {"no such key": 1}]
+
+
+def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
+    """The model with one wrong value under each key that it has, one key too many, one too few."""
+    found: list[dict[str, Any]] = []
+    for key in keys.declared:
+        if key.name not in model:
+            continue
+        found += [{**copy.deepcopy(model), key.name: value} for value in wrong(key.kind)]
+        kinds = key.kind.kinds if isinstance(key.kind, Either) else (key.kind,)
+        inner = [kind for kind in kinds if isinstance(kind, Keys)]
+        if inner and isinstance(model[key.name], dict):
+            found += [{**model, key.name: value} for value in spoiled(model[key.name], inner[0])]
+        if isinstance(key.kind, EntriesOf) and isinstance(key.kind.kind, Keys):
+            first, *rest = model[key.name]
+            found += [{**model, key.name: [value, *rest]} for value in spoiled(first, key.kind.kind)]
+        if key.needed:
+            found.append({name: value for name, value in model.items() if name != key.name})
+    return [*found, {**model, "no such key": 1}]

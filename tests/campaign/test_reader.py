@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
+from json_schema import spoiled, tree, valid
 from tdint.campaign.definition import RecordFiles
-from tdint.campaign.reader import load_campaign
+from tdint.campaign.reader import CAMPAIGN, campaign_schema, load_campaign
 from tdint.errors import ModelError
 from tdint.ground_motion.pairing import USUAL, PairNames
 
@@ -49,3 +51,41 @@ def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
     file.write_text("buildings: {models: [model.yaml]}\nrecords: {files: [a.csv], pairs: '{}_a.csv'}\n")
     with pytest.raises(ModelError, match=r":2:\d+: records.pairs: .*write two names"):
         load_campaign(file)
+
+
+_ENDS = {
+    "files": """\
+buildings: {models: [m.yaml]}
+records: {files: [a.csv], component: N}
+intensity: {measure: sa, period: 1, damping: 5%, levels: [0.1 g]}
+analysis: {methods: [impulse4], dt: [0.01], duration: 3, tolerance: 1%, collapse_drift: 10%}
+""",
+    "least": """\
+buildings: {inventory: a.csv, rules: mdof-lu, units: {length: m}, stiffness_scatter: 0.5, seed: 0}
+records: {grid: g.csv, units: g, neighbors: 1, samples: 1, seed: 0, distance: degrees}
+""",
+    "most": """\
+buildings: {inventory: a.csv, rules: mdof-lu, units: {length: ft}, damping: mass-only, seed: 2147483647}
+records: {grid: g.csv, units: g, neighbors: 1000, samples: 100000, seed: 2147483647}
+""",
+    "sequences": """\
+buildings: {models: [m.yaml]}
+records: {sequences: s.csv, rest: 0}
+""",
+}
+
+
+@pytest.mark.parametrize("text", _ENDS.values(), ids=_ENDS)
+def test_what_the_schema_refuses_the_reader_refuses(tmp_path: Path, text: str) -> None:
+    """The shortest lists and the ends of numbers are read; what is shorter or beyond them neither takes."""
+    file, schema = tmp_path / "study.yaml", campaign_schema()
+    file.write_text(text)
+    load_campaign(file)
+    assert valid(tree(text), schema)
+    cases = spoiled(tree(text), CAMPAIGN)
+    assert len(cases) > 10
+    for case in cases:
+        assert not valid(case, schema), case
+        file.write_text(json.dumps(case))
+        with pytest.raises(ModelError):
+            load_campaign(file)

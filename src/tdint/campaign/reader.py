@@ -286,7 +286,8 @@ def _levels(section: Section) -> MeasureLevels | None:
     name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
     damping = section.number("damping", default=0.05)
     levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
-    items = levels.items("a list of values with their unit") if levels else None
+    empty = "is empty; give at least one value"
+    items = levels.items("a list of values with their unit", empty) if levels else None
     if name is None:
         return None
     quantity = "acceleration" if name in ("pga", *SPECTRAL) else "velocity"

@@ -210,8 +210,8 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> P
             return None
     if not (vary or methods or steps):
         return None
-    texts = (methods.items("a list of methods") if methods else None) or ()
-    numbers = (steps.items("a list of steps") if steps else None) or ()
+    texts = (methods.items("a list of methods", "is empty; give at least one method") if methods else None) or ()
+    numbers = (steps.items("a list of steps", "is empty; give at least one step") if steps else None) or ()
     return replace(
         (_read_vary(vary) if vary else None) or ParameterSweep(),
         methods=tuple(dict.fromkeys(found.label for item in texts if (found := item.parsed(parse_method)))),

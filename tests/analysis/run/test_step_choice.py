@@ -12,7 +12,7 @@ from tdint import prepare, run, run_case
 from tdint.analysis.run import prepared, step_choice
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.step_choice import choose_step
+from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.analysis.run.steps import Bound
 from tdint.errors import UsageError
 
@@ -50,6 +50,14 @@ def test_a_rough_tolerance_takes_steps_over_many_samples():
     assert response.steps * response.dt == pytest.approx(8.0)
     fine = run(ten_linear(), noise(), method="impulse4")
     assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= 0.05
+
+
+def test_a_step_is_no_larger_than_is_allowed():
+    """The tolerance is met by steps of 16 samples, more than an eighth of the first period."""
+    case = prepare(ten_linear(), noise(), method="impulse4")
+    assert step_within(case, 0.5) == 16 * DT
+    for largest, taken in ((16 * DT, 16), (15.9 * DT, 8), (8 * DT, 8), (7.9 * DT, 4), (4 * DT, 4), (DT, 1)):
+        assert step_within(case, 0.5, largest=largest) == taken * DT
 
 
 def test_a_given_step_is_the_largest():
