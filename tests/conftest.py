@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -40,6 +41,27 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
+
+
+@pytest.fixture
+def laid_out() -> None:
+    """For tests that ask where something is in a picture, where the others of their file do not."""
+
+
+@pytest.fixture
+def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are drawn small and as they come, all of each, in a third of the time: that parts of all kinds of
+    figures find their places is tested in tests/output/test_plotting.py."""
+    from matplotlib.figure import Figure
+
+    whole = Figure.savefig
+
+    def save(self: Figure, *arguments: Any, **options: Any) -> None:
+        self.set_layout_engine(None)
+        whole(self, *arguments, **options | ({"dpi": 40} if options.get("format") == "png" else {}))
+
+    if "laid_out" not in request.fixturenames:
+        monkeypatch.setattr(Figure, "savefig", save)
 
 
 def pytest_collection_finish() -> None:

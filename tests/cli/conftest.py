@@ -78,6 +78,11 @@ def tdint() -> Callable[..., Result]:
     return run
 
 
+@pytest.fixture(autouse=True)
+def _pictures(not_laid_out: None) -> None:
+    """Of commands are not laid out."""
+
+
 @pytest.fixture
 def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made, but not drawn: for tests that ask which files there are, and for which tens are written."""

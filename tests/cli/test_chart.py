@@ -85,6 +85,7 @@ def test_files(folder, tdint):
     assert summary["usual"]["method"] == "newmark-average"
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_the_picture_names_what_it_shows(folder, tdint):
     for options, words in (
         (

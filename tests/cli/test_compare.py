@@ -54,6 +54,7 @@ def rows(text):
     return list(csv.DictReader(io.StringIO(text)))
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_table_files_and_requirements(recorded, tdint, tmp_path):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")

@@ -57,6 +57,7 @@ def test_all_examples_with_their_figures(here, tdint, numbers):
         assert "The paper's exact motion, newmark-linear, dt 0.002 s, is off by 4.3e-05 m" in result.stderr
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, monkeypatch):
     """Titles and curves of what is drawn: no other floor, no velocity, no variant; errors as |u - u_exact|."""
     import numpy as np

@@ -127,6 +127,7 @@ def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint):
     assert [float(row["max_psa_m_s2"]) for row in means] == pytest.approx(np.maximum(pair, other), rel=1e-10)
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_a_picture_of_one_runs_floors(run):
     assert run("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--plot").exit_code == 0
     assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000

@@ -287,7 +287,7 @@ def test_options_that_act_are_declared_so():
     "arguments",
     [
         ["run", "forced.yaml", "--history=h.csv", "--every", "1"],
-        ["compile", "forced.yaml", "--method", "newmark-average"],
+        ["compile", "forced.yaml", "--method", "newmark-average", "--show"],
         ["spectrum", "other.mseed", "--period", "1", "--ductility", "2", "--hardening", "0"],
     ],
 )

@@ -61,18 +61,17 @@ def test_a_method_is_measured_once(tdint, name):
     assert (twice.exit_code, twice.stdout) == (0, once.stdout)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_table_and_picture(here, tdint, name):
+@pytest.mark.parametrize(("name", "suffix"), list(zip(COMMANDS, SIGNATURES, strict=True)))
+def test_table_and_picture(here, tdint, name, suffix):
     command = (name, *SMALL[name], "--method", "newmark", "--method", "impulse4")
     table = tdint(*command).stdout
-    for suffix, start in SIGNATURES.items():
-        result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
-        assert (result.exit_code, result.stdout) == (0, "")
-        assert (here / "x.csv").read_text() == table
-        assert (here / f"x{suffix}").read_bytes().startswith(start)
-    result = tdint(*command, "--plot", "y.png")
+    result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert (here / "x.csv").read_text() == table
+    assert (here / f"x{suffix}").read_bytes().startswith(SIGNATURES[suffix])
+    result = tdint(*command, "--plot", f"y{suffix}")
     assert (result.exit_code, result.stdout) == (0, table)
-    assert sorted(path.name for path in here.iterdir()) == ["x.csv", "x.json", "x.pdf", "x.png", "x.svg", "y.png"]
+    assert sorted(path.name for path in here.iterdir()) == sorted(["x.csv", "x.json", f"x{suffix}", f"y{suffix}"])
 
 
 @pytest.mark.usefixtures("blank_pictures")

@@ -196,6 +196,7 @@ def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint
             assert float(mm["mean"]) == pytest.approx(factor * float(si["mean"]), rel=1e-10)
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_a_mean_is_told_when_all_runs_are_done(
     study: Path, tdint: Run, make_record: Callable[..., None]
 ) -> None:  # fmt: skip

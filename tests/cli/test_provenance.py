@@ -36,7 +36,7 @@ CASES = {
     ),
     "stability": (["--method", "hht"], []),
     "overshoot": (["--method", "hht"], []),
-    "order": (["--method", "newmark-average"], []),
+    "order": (["--method", "newmark-average", "--load", "record"], []),
     "failures": (["--method", "newmark-average", "--problem", "large-step"], []),
     "chart": (["forced.yaml", "--method", "newmark-average", "--dt", "0.02", "--repeat", "1"], ["forced.yaml"]),
 }

@@ -41,6 +41,7 @@ def rows(text):
     return list(csv.DictReader(text.splitlines()))
 
 
+@pytest.mark.slow
 def test_the_shell_script(checkout):
     folder, run = checkout
     output, _ = run(readmes.block("shell"))
@@ -70,6 +71,7 @@ def test_the_elastic_spectra(checkout):
     assert (folder / "spectra.png").is_file()
 
 
+@pytest.mark.slow
 def test_the_inelastic_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("inelastic"))[0] == ""
@@ -91,6 +93,7 @@ def test_the_batches(checkout):
     assert (folder / "records.png").exists()
 
 
+@pytest.mark.slow
 def test_the_drift_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("drift"))[0] == ""

@@ -58,7 +58,6 @@ intensity: {{scales: [0.5, 1]}}
 COMMANDS = [
     ("run", CONFIGS / "ten-story.yaml", "-o", "out/"),
     ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"),
-    ("spectrum", *NEAR_FAULT),
     ("spectrum", RECORDS, "--units", "m/s^2", "-o", "spectra/", "--jobs", "2"),
     ("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"),
     ("campaign", "campaign.yaml", "-o", "campaign/"),

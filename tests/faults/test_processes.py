@@ -24,7 +24,14 @@ def temporary(folder):
     return [path.name for path in folder.rglob(".*") if path.is_file()]
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -9)])
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        (signal.SIGTERM, 143),
+        pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow),  # of batches in tests/cli/test_batch.py, too
+        (signal.SIGKILL, -9),
+    ],
+)
 def test_a_command_with_workers_that_is_ended(folder, start, number, code):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
@@ -63,6 +70,7 @@ def test_a_killed_worker_again_and_again(folder, start, repeat):
     one_killed_worker(folder, start)
 
 
+@pytest.mark.slow
 def test_all_workers_killed_at_once(folder, start):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2)

@@ -10,6 +10,7 @@ import math
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from textwrap import dedent
 
 import numpy as np
@@ -95,26 +96,36 @@ def test_without_damping_it_is_the_central_difference(verlet):
     np.testing.assert_allclose(own.peak_drift, ours.peak_drift, rtol=1e-10)
 
 
-def test_a_false_declaration_is_told(tmp_path, verlet):
-    text = verlet.read_text().replace("lambda: 2.0", "lambda: 2.2").replace("order=lambda: 2", "order=lambda: 4")
-    tdint.load_plugin(str(outside(tmp_path, text)))
-    order, limit = check_method(methods.parse("verlet")).faults
+def test_a_false_declaration_is_told(verlet):
+    tdint.load_plugin(str(verlet))
+    integrator = methods.parse("verlet")
+    false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
+    order, limit = check_method(replace(integrator, method=false)).faults
     assert order == "verlet: declares order 4, observed is 2.00"
     assert "stable up to omega dt 2.2, measured is 2;" in limit
 
 
-def test_the_law_of_the_readme(tmp_path, hyperbolic):
-    """Along cycles its force is that of its formula; in a run of moment4 no energy is made."""
+@pytest.fixture
+def of_the_law(tmp_path, hyperbolic):
+    """The README's model of its law."""
     tdint.load_plugin(str(hyperbolic))
     file = tmp_path / "workshop.yaml"
     file.write_text(readmes.block("plugin-model"))
-    model = tdint.load_model(str(file))
-    path = tdint.cyclic_test(model, 1, ["2%"], points=50).path
+    return tdint.load_model(str(file))
+
+
+def test_the_law_of_the_readme(of_the_law):
+    """Along cycles its force is that of its formula."""
+    path = tdint.cyclic_test(of_the_law, 1, ["2%"], points=50).path
     x = 3e7 * path.drift / 3e5
     np.testing.assert_allclose(path.shear, 3e5 * x / np.sqrt(1.0 + x * x), rtol=1e-12, atol=1e-6)
-    assert check_law(model, 1) == []
+    assert check_law(of_the_law, 1) == []
+
+
+@pytest.mark.slow  # compiles; test_files_of_plugins_go_to_workers runs the law, too
+def test_a_run_of_the_readmes_law_makes_no_energy(of_the_law):
     record = tdint.make_record(8.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
-    response = tdint.run(model, record, method="moment4")
+    response = tdint.run(of_the_law, record, method="moment4")
     assert response.stories.peak_drift[0] > 0.02
     assert abs(response.energy.error) < 1e-8
 

@@ -28,6 +28,8 @@ from tdint.output.figures.spectrum_curves import spectrum_picture
 from tdint.output.figures.style import add_title, changed, picture
 from tdint.output_units import parse_output_units
 
+pytestmark = pytest.mark.usefixtures("not_laid_out")
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
@@ -105,6 +107,7 @@ def test_a_title_is_no_wider_than_its_figure():
 
 
 @pytest.mark.parametrize("suffix", STARTS)
+@pytest.mark.usefixtures("laid_out")
 def test_formats(tmp_path, forced, suffix):
     file = tmp_path / f"x{suffix}"
     draw_run(forced, file)
@@ -122,6 +125,7 @@ def test_other_formats_are_refused(tmp_path, forced, name):
         draw_run(forced, tmp_path / name)
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_the_same_result_gives_the_same_file(tmp_path):
     for suffix in STARTS:
         one, other = tmp_path / f"1{suffix}", tmp_path / f"2{suffix}"

@@ -23,6 +23,8 @@ from tdint.output.figures.ida import ida_picture
 from tdint.output.figures.style import picture
 from tdint.output.figures.suites import suite_picture
 
+pytestmark = pytest.mark.usefixtures("not_laid_out")
+
 STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 
 
@@ -138,8 +140,13 @@ def test_fragility_functions(tmp_path, functions, there):
     assert all(words in text for words in there)
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_formats(tmp_path):
-    for suffix, start in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
-        shown = picture(suffix, lambda: fragility_picture([fit_capacities([1.0, 2.0])]))
+    of_kinds = (
+        (".png", b"\x89PNG", lambda: ida_picture(study(curve(0, *COLLAPSING)))),
+        (".pdf", b"%PDF", lambda: fragility_picture([fit_capacities([1.0, 2.0])])),
+    )
+    for suffix, start, draw in of_kinds:
+        shown = picture(suffix, draw)
         write_file(tmp_path / f"x{suffix}", shown, overwrite=False)
         assert (tmp_path / f"x{suffix}").read_bytes().startswith(start)

@@ -349,16 +349,16 @@ def test_times_are_taken_until_the_verdict_stands(verdicts, turns):
     assert len(chart.points[0].times) == turns
 
 
-@pytest.mark.parametrize("limit", [1e-2, 1e-3])
-def test_running_what_is_recommended_meets_the_error(limit):
+def test_running_what_is_recommended_meets_the_error():
     building, record = ten_bilinear(), noise(samples=301, peak=6.0)
     problem = pose(building, record)
     methods = integrators("impulse4", "newmark-average", "central-difference", "bathe")
     chart = measure(problem, methods, default_steps(problem, len(methods), 1), repeats=1, cached=False)
-    advice = cheapest(chart.points, "peak_drift", limit)
-    response = run(building, record, method=advice.method, dt=advice.dt)
     fine = run(building, record, method="newmark-average", dt=record.dt / 256)
-    assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= limit
+    for limit in (1e-2, 1e-3):
+        advice = cheapest(chart.points, "peak_drift", limit)
+        response = run(building, record, method=advice.method, dt=advice.dt)
+        assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= limit
 
 
 def test_default_steps():

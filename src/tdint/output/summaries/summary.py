@@ -8,6 +8,7 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -210,6 +211,7 @@ def versions() -> dict[str, str | None]:
     return {"tdint": own, **packages, "python": platform.python_version(), "sources": sources}
 
 
+@cache
 def _version(package: str) -> str | None:
     try:
         return version(package)
