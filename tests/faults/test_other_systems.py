@@ -57,9 +57,11 @@ intensity: {{scales: [0.5, 1]}}
 """
 COMMANDS = [
     ("run", CONFIGS / "ten-story.yaml", "-o", "out/"),
-    ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"),
+    pytest.param(
+        ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"), marks=pytest.mark.slow
+    ),
     ("spectrum", RECORDS, "--units", "m/s^2", "-o", "spectra/", "--jobs", "2"),
-    ("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"),
+    pytest.param(("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"), marks=pytest.mark.slow),
     ("campaign", "campaign.yaml", "-o", "campaign/"),
 ]
 
@@ -105,7 +107,7 @@ def in_utf8(elsewhere):
     return cache(lambda *command: run(*command, less=False, PYTHONUTF8="1").stdout)
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+@pytest.mark.parametrize("encoding", ["cp1252", pytest.param("ascii", marks=pytest.mark.slow)])
 def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, in_utf8, encoding):
     """Words are shown as far as it can; data are UTF-8 everywhere."""
     folder, run = elsewhere

@@ -10,14 +10,22 @@ import pytest
 pytestmark = pytest.mark.long  # the system's doing, whatever the Python
 
 TRAP = "open('trapped', 'w').close()\nraise SystemExit('trapped')\n"
+MODULES = ("numpy", "scipy", "numba", "obspy", "click", "yaml", "json", "tdint")
 
 
 def test_modules_of_the_working_directory_are_not_run(folder, start):
-    for name in ("numpy", "scipy", "numba", "obspy", "click", "yaml", "json", "tdint"):
+    for name in MODULES:
         (folder / f"{name}.py").write_text(TRAP)
     cache = str(folder.parent / "cache")  # Empty: a process that compiles is started, too.
     code, _, words = start("info", "r0.csv", TDINT_CACHE_DIR=cache).end(300.0)
     assert code == 0 and "note: compiling 1 time loop" in words, words
+    assert not (folder / "trapped").exists()
+
+
+@pytest.mark.slow
+def test_modules_of_the_working_directory_are_not_run_by_a_long_command(folder, start):
+    for name in MODULES:
+        (folder / f"{name}.py").write_text(TRAP)
     few = ("--method", "newmark-average,hht", "--halvings", "2", "--duration", "1", "--no-cache")
     code, _, words = start("chart", "model.yaml", *few).end(300.0)
     assert code == 0, words

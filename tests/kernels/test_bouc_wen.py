@@ -59,7 +59,7 @@ def test_unloading_in_closed_form():
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
-@pytest.mark.parametrize("beta", [0.5, 0.75, 1.0])
+@pytest.mark.parametrize("beta", [0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
 def test_a_cycle_agrees_with_dop853(exponent, beta):
     """The differential equation as it is written in Wen (1976), by another solver, along each straight piece."""
     w = 0.0

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+import tdint
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
@@ -197,6 +198,19 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
 def test_files_that_are_no_inventory(tmp_path, header, message):
     with pytest.raises(ModelError, match=message):
         inventory(tmp_path, header=header)
+
+
+def test_an_area_in_square_feet_is_the_same_building(tmp_path):
+    made = []
+    for units, length in (("m", 1.0), ("ft", 0.3048)):
+        file = tmp_path / f"{units}.csv"
+        file.write_text(f"{HEADER}\nb,3,1990,C1,{600.0 / length**2!r}\n")
+        made += [one.building for one in tdint.inventory(str(file), units=units)]
+    assert made[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
+    assert made[1].mass == pytest.approx(made[0].mass, rel=1e-12)
+    assert made[1].stiffness == pytest.approx(made[0].stiffness, rel=1e-12)
+    with pytest.raises(UsageError, match="unknown unit of length 'yd'; known: m,"):
+        tdint.inventory(str(file), units="yd")
 
 
 def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):

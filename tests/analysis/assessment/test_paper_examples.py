@@ -82,7 +82,7 @@ def test_methods_and_figures_are_those_of_the_paper():
     assert isinstance(examples()[1].figures[0], ExampleFigure)
 
 
-@pytest.mark.parametrize(("number", "dt"), [(1, 0.001), (2, 0.001), (3, 0.002)])
+@pytest.mark.parametrize(("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)])
 def test_what_the_paper_calls_exact(number, dt):
     """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at most."""
     example = examples()[number]

@@ -129,7 +129,7 @@ def test_a_process_that_does_not_end_is_one_line(monkeypatch):
     assert notes == ["openseespy is left out: its process did not start or did not end"]
 
 
-@pytest.mark.parametrize(("name", "part"), [("forced", 0.05), ("dashpots", 0.25)])
+@pytest.mark.parametrize(("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.25, marks=pytest.mark.slow)])
 def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
     """By less where stories yield: the error estimates do not see how far a step went past a kink."""
     monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-4, 1e-6))

@@ -25,7 +25,7 @@ from tdint.output.tables.responses import history_columns, story_table
 
 pytestmark = pytest.mark.long
 
-RUNS, USUAL = 1000, 150
+RUNS, USUAL = 1000, 100
 BATCH = 50
 STIFFNESS = 1e6
 METHODS = [name for name in catalogue() if name != "exact"] + [

@@ -75,6 +75,17 @@ def test_rows_do_not_change_the_largest_base_shear_of_a_frame():
     assert np.max(found[0].base_shear) < 0.999 * largest[0]
 
 
+def test_a_story_that_has_yielded_unloads_when_another_one_softens():
+    """Beyond the cap of 1.1 the upper one, which carries half and yielded at 0.45, goes back with its stiffness of 4."""
+    case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0, Law("bilinear", (0.45, 0.5)))])
+    result = pushover(case, parse_drift("12m"), pattern="uniform", points=200)
+    at_cap = 0.45 / 4.0 + (0.55 - 0.45) / 2.0
+    falling = result.roof_displacement > 5.0 + at_cap
+    assert np.sum(falling) > 50
+    back = at_cap - (0.55 - 0.5 * result.base_shear[falling]) / 4.0
+    assert result.drift[falling, 1] == pytest.approx(back, abs=1e-4)  # rows pass the cap by less than that
+
+
 def test_a_story_that_fails_takes_the_building_along():
     case = model([story(1.0, 100.0, softening(1.0, 0.01, ultimate=20.0)), story(1.0, 200.0)])
     result = pushover(case, parse_drift("1m"), points=300)
