@@ -76,7 +76,7 @@ def test_rows_do_not_change_the_largest_base_shear_of_a_frame():
 
 
 def test_a_story_that_has_yielded_unloads_when_another_one_softens():
-    """Beyond the cap of 1.1 the upper one, which carries half and yielded at 0.45, goes back with its stiffness of 4."""
+    """Beyond the cap of 1.1 the upper one, which carries half and yielded at 0.45, goes back by its stiffness, 4."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0, Law("bilinear", (0.45, 0.5)))])
     result = pushover(case, parse_drift("12m"), pattern="uniform", points=200)
     at_cap = 0.45 / 4.0 + (0.55 - 0.45) / 2.0
