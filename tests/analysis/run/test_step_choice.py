@@ -229,3 +229,15 @@ def test_strides_of_a_building_that_collapses_are_equal():
     record = noise().scaled(50.0)
     response = run(ten_bilinear(), record, method="moment4", tolerance=1e-2)
     assert response.status == "collapsed" and response.step_range is None
+
+
+def test_a_step_that_is_too_long_is_told_by_the_next_one_of_the_row():
+    """As without a tolerance: by its corrected peaks, which are handed over."""
+    record = noise()
+    response = run(ten_bilinear(), record, method="moment4", dt=8.0 * record.dt, tolerance=0.05)
+    check = response.check
+    assert len(check.dts) == 1 and check.choice.runs == 1 + np.log2(8.0 * record.dt / check.dts[0])
+    truth = run(ten_bilinear(), record, method="impulse4", dt=record.dt / 64).stories.peak_drift
+    off = np.max(np.abs(response.stories.peak_drift / truth - 1.0))
+    assert off == pytest.approx(check.drift_error, rel=0.2)
+    assert np.max(np.abs(check.corrected.peak_drift / truth - 1.0)) < check.drift_left < 0.1 * off

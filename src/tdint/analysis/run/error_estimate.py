@@ -29,7 +29,7 @@ since then is added to the errors of residual drifts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import partial
 
@@ -89,11 +89,15 @@ def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool
         return _unknown(response, f"{reason}; --check repeats the run") if carrying is not None else response
     if carrying is None:
         return checked(case, steps, _with_note(response, reason))
-    steps = replace(steps, count=response.steps)
+    return told_by_finer(response, _repetitions(carrying, replace(steps, count=response.steps)), reason)
+
+
+def told_by_finer(response: Response, finer_runs: Iterable[Response | FailedRun], reason: str) -> Response:
+    """The response with the error that finer runs tell, for the `reason` that its own does not: the first one that
+    carries its error along and whose step is not too long for that, else all of them as repetitions."""
     others: list[Response | FailedRun] = []
-    for _ in range(FINER):
-        steps = finer(steps)
-        others.append(other := attempt(carrying, steps))
+    for other in finer_runs:
+        others.append(other)
         if isinstance(other, Response) and not _too_coarse(other) and _alike(response, other):
             note = f"the error comes from a run with dt {other.dt:.6g} s: {reason}"
             return replace(response, notes=(*response.notes, note), check=_from_corrected(response, other))

@@ -2,8 +2,8 @@
 
 It is looked for among steps that are halves of one another, from a coarse one on: several sampling intervals of the
 record, as far as the building's first mode allows, or the step that was asked for. Each is judged by runs with its half
-and its quarter, which are the next ones in the row, or by the error that its own run carries along: to come down from
-far above costs little more than to begin at the step that is taken.
+and its quarter, which are the next ones in the row, or by the error that its own run, or the next one, carries along:
+to come down from far above costs little more than to begin at the step that is taken.
 
 moment4, which carries its error along, chooses its steps on the way instead (`tdint.kernels.march.strides`): a sampling
 interval halved or doubled so many times, long where the motion is weak. What a stride may miss goes with the tolerance;
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, with_check
+from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, told_by_finer, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
 from tdint.analysis.run.steps import MOST_STEPS, Bound, Steps, choose_steps, finer
 from tdint.analysis.spectra.elastic import spectrum
@@ -210,8 +210,12 @@ class _Search:
     def checked(self, level: int) -> Response | FailedRun:
         """The response of a level with its estimated errors."""
         own = self._telling(level)
-        if isinstance(own, FailedRun) or (own and own.check and not doubt(own, self.case.building)):
+        if isinstance(own, FailedRun):
             return own
+        if own is not None:
+            reason = doubt(own, self.case.building)
+            others = map(self._telling, range(level + 1, level + FINER + 1))
+            return told_by_finer(own, (one for one in others if one is not None), reason) if reason else own
         for one in range(level, level + FINER + 1):
             if one not in self.runs:
                 self.runs[one] = attempt(self.case, self.steps(one))
