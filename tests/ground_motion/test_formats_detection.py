@@ -53,6 +53,11 @@ def test_other_text_is_not_claimed():
         assert claims(path) == [], path
 
 
+@pytest.mark.parametrize(("rows", "claimed"), [("0 5\n1 5\n2 3\n", True), ("0 5\n1 5\n1 3\n", False)])
+def test_of_columns_without_names_the_first_one_grows(rows, claimed):
+    assert claims(io.BytesIO(rows.encode())) == ["TEXT"] * claimed
+
+
 @pytest.mark.parametrize("file", ["missing", 3, None, io.StringIO("text"), io.BytesIO()])
 def test_what_is_no_file_is_not_claimed(file):
     assert claims(file) == []

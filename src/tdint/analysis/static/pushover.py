@@ -308,9 +308,8 @@ class _Story:
             else:
                 far = drift
             new = drift + left / tangent if tangent > 0.0 else near
-            inside = side * (new - near) > 0.0 and (far is None or side * (far - new) > 0.0)
-            if not inside:
-                new = 0.5 * (near + far) if far is not None else near + 2.0 * (drift - self.drift)
+            if far is not None and not (side * (new - near) > 0.0 and side * (far - new) > 0.0):
+                new = 0.5 * (near + far)
             if new == drift:
                 return drift
             drift = new
