@@ -131,7 +131,7 @@ def promise(first, count, records):
             chosen = time.thread_time()
             run_case(case, tolerance=tolerance, equal=True)
             equal = time.thread_time()
-            truth = fine_peaks(other, record.dt / 32, response)
+            truth = fine_peaks(other, record.dt / 16, response)
         except FailedRun as failure:
             print(f"seed {seed}: {failure.status}")
             continue

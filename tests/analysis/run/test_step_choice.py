@@ -225,10 +225,13 @@ def test_strides_until_rest():
     assert np.max(response.moving_drift) < 2e-3 * np.max(response.stories.peak_drift)
 
 
-def test_strides_of_a_building_that_collapses_are_equal():
-    record = noise().scaled(50.0)
-    response = run(ten_bilinear(), record, method="moment4", tolerance=1e-2)
-    assert response.status == "collapsed" and response.step_range is None
+def test_a_collapse_in_strides():
+    """It is noted at the end of one of them."""
+    case = prepare(ten_bilinear(), noise().scaled(50.0), method="moment4")
+    found, equal = (run_case(case, tolerance=1e-2, equal=equal) for equal in (False, True))
+    assert found.status == equal.status == "collapsed"
+    assert found.collapse.story == equal.collapse.story
+    assert abs(found.collapse.time - equal.collapse.time) <= max(found.step_range[1], equal.dt)
 
 
 def test_a_step_that_is_too_long_is_told_by_the_next_one_of_the_row():

@@ -41,8 +41,8 @@ _MOST_HALVINGS = 8
 _MISSED = 100.0
 """What a stride may miss, over the tolerance."""
 
-_LONGEST = 4
-"""Doublings of the record's step that a stride may always have; else `_FEWEST` in the first period."""
+_LONGEST = 0.5
+"""The longest stride over the first period and the fourth root of what strides may miss; it is a sample at least."""
 
 _LEAST = 0.25
 """Part of the peak drifts of the elastic first mode that stories are taken to come to at least: quiet starts need not
@@ -128,14 +128,16 @@ def _on_the_way(case: Case, tolerance: float, duration: float | None, equal: boo
     asked = case.steps(None, duration)
     if asked.count * 2**_MOST_HALVINGS > MOST_STEPS:
         return "the steps are equal, for there are too many of them"
-    longest = 2 ** (max(_LONGEST, _samples(case, asked, _FEWEST)) + _MOST_HALVINGS)
     units = choose_steps(record.dt / 2**_MOST_HALVINGS, asked.count * asked.h, record.dt, record.duration)
-    units = replace(units, stride=longest, end=asked.end)
     drifts, aim = _least_drifts(case), _AIM * min(tolerance, TOLD)
     allowed = _MISSED * aim
     for runs in range(1, _TRIES + 1):
-        response = attempt(carrying, replace(units, bound=Bound(allowed, drifts)))
-        if isinstance(response, FailedRun) or response.collapse or response.check is None:
+        longest = math.log2(_LONGEST * case.prepared.period * allowed**0.25 / units.h)
+        steps = replace(
+            units, stride=2 ** max(math.floor(longest), _MOST_HALVINGS), bound=Bound(allowed, drifts), end=asked.end
+        )
+        response = attempt(carrying, steps)
+        if isinstance(response, FailedRun) or response.check is None or (response.collapse and response.collapse.ended):
             break
         error = response.check.drift_error
         if error is not None and error <= aim and not doubt(response, case.building):
