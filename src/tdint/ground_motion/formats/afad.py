@@ -58,7 +58,7 @@ def read_afad(lines: Lines) -> list[Series]:
     stated = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
     columns = lines.table(int(points[1]), len(names))
     lines.expect_end()
-    series = [
+    return [
         Series(
             column,
             float(step[1]),
@@ -70,4 +70,3 @@ def read_afad(lines: Lines) -> list[Series]:
         )
         for name, column in zip(names, columns, strict=True)
     ]
-    return series

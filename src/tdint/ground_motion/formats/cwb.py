@@ -74,7 +74,7 @@ def read_cwb(lines: Lines) -> list[Series]:
         statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
     compared = compare(statements)
     unit = required_units(units[1])
-    series = [
+    return [
         Series(
             column,
             dt,
@@ -87,7 +87,6 @@ def read_cwb(lines: Lines) -> list[Series]:
         )
         for name, column in zip(names, columns, strict=True)
     ]
-    return series
 
 
 def _peak(texts: list[str], name: str, units: str) -> StatedPeak | None:

@@ -62,7 +62,7 @@ def read_unam(lines: Lines) -> list[Series]:
     _skip_repeated(lines, [float(column[-1]) for column in columns])
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
     unit = required_units(units[1]) if units else ""
-    series = [
+    return [
         Series(
             column,
             _number(step),
@@ -74,7 +74,6 @@ def read_unam(lines: Lines) -> list[Series]:
         )
         for place, (name, step, column) in enumerate(zip(names, steps, columns, strict=True))
     ]
-    return series
 
 
 def _skip_repeated(lines: Lines, last: list[float]) -> None:

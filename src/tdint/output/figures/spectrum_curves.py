@@ -98,12 +98,15 @@ DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_a
 
 def _how(spectrum: Spectrum) -> str:
     """The method, and what was chosen beside it."""
-    words = ["exact solution" if spectrum.method == "exact" else spectrum.method]
-    if spectrum.method == "exact" and spectrum.maxima != "exact":
-        words.append(f"maxima: {spectrum.maxima}")
-    if spectrum.interpolation != "linear":
-        words.append(f"{spectrum.interpolation} motion")
-    return ", ".join(words)
+    if spectrum.method != "exact":
+        return spectrum.method + f", {spectrum.interpolation} motion" * (spectrum.interpolation != "linear")
+    return ", ".join(["exact solution", *_choices(spectrum)])
+
+
+def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
+    """What was chosen of an exact solution that is not usual."""
+    maxima = [f"maxima: {spectrum.maxima}"] if spectrum.maxima != "exact" else []
+    return maxima + ([f"{spectrum.interpolation} motion"] if spectrum.interpolation != "linear" else [])
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
@@ -125,18 +128,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     components = _components(spectra)
     apart = 1 < len(set(components)) <= _MOST
     ratios = len({spectrum.damping for spectrum in spectra}) > 1
-    labels = [
-        ", ".join(
-            filter(
-                None,
-                (
-                    (f"{100.0 * spectrum.damping:g} %" if ratios else "") if apart else label,
-                    what if several else "",
-                ),
-            )
-        )
-        for spectrum, label, what in zip(spectra, line_labels(spectra), given, strict=True)
-    ]
+    own = [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra] if apart else line_labels(spectra)
+    labels = [", ".join(filter(None, (label, what * several))) for label, what in zip(own, given, strict=True)]
     variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
     figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
     if spectra[0].target is None:
@@ -208,12 +201,8 @@ def rotated_picture(
     figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
     if target is not None:
         _add_target(figure, target, units)
-    more = ["exact solution", "180 directions"]
-    if spectra[0].maxima != "exact":
-        more.append(f"maxima: {spectra[0].maxima}")
-    if spectra[0].interpolation != "linear":
-        more.append(f"{spectra[0].interpolation} motion")
-    add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, ", ".join(more)))
+    more = ", ".join(["exact solution", "180 directions", *_choices(spectra[0])])
+    add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, more))
     return figure
 
 

@@ -109,14 +109,10 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     mine = np.array([event in (0, sample) for _, _, sample in of.keys])
     chosen = of.known & (of.rank == rank) & mine
     means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
-    found = {probability_name(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
     if of.states.losses:
-        found[LOSS.name] = _known(float(of.loss[chosen].mean()) if chosen.any() else None)
-    return found
-
-
-def _known(value: float | None) -> float | None:
-    return None if value is None else _digits(value)
+        means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
+    names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
+    return {name: None if mean is None else _digits(mean) for name, mean in zip(names, means, strict=True)}
 
 
 def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:

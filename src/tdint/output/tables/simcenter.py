@@ -61,7 +61,7 @@ def _sizes(store: Store) -> tuple[int, int]:
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
     """Of each building, motion, scale and draw what tells it from others, and its demands."""
     buildings, records = store.buildings(), store.records()
-    peaks = dict(_ground(store))
+    peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     size = len(demand_names(stories, 1))
     firsts = _firsts(records)
     for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
@@ -80,10 +80,6 @@ def _share_a_name(store: Store) -> bool:
     """Whether motions that have rows of their own bear one name."""
     names = [name for name, _, direction in store.records().values() if direction == 1]
     return len(set(names)) < len(names)
-
-
-def _ground(store: Store) -> Iterator[tuple[int, float]]:
-    yield from store.connection.execute("SELECT id, pga_m_s2 FROM records")
 
 
 def _firsts(records: Any) -> dict[int, int]:
