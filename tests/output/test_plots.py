@@ -95,6 +95,15 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
     assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
 
 
+def test_a_legend_of_long_names_is_within_its_figure():
+    named = ("base-isolated five-story building", "five-story frame with fluid viscous dampers", "gap")
+    figure = profile_picture([of_suite(one, 3, 0) for one in named])
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert len(legend.get_texts()) == 6 and box.x0 > 0.0 and box.x1 < figure.bbox.width
+
+
 def test_a_title_is_no_wider_than_its_figure():
     """Names of records make it long; nothing of it is lost."""
     figure = Figure(figsize=(7.2, 3.0))

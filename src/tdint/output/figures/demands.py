@@ -91,7 +91,7 @@ def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
     """What is named in some panels, each name once, in a legend below all."""
     told = (axes.get_legend_handles_labels() for axes in panels)
     named = {label: handle for handles, labels in told for handle, label in zip(handles, labels, strict=True)}
-    columns = legend_columns(list(named), 4)
+    columns = legend_columns(list(named), 4, figure.get_figwidth())
     legend = figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=columns)
     for text in legend.get_texts():
         text.set_parse_math(False)

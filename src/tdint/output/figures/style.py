@@ -248,12 +248,14 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
     axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
 
 
-def legend_columns(labels: Sequence[str], most: int) -> int:
-    """Columns of a legend below the panels: as many as stand beside each other where a width is given for print."""
+def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
+    """Columns of a legend below the panels: as many as stand beside each other within a width, inches, or that given
+    for print."""
     columns = max(1, min(len(labels), most))
-    if (printed := PRINTED.get().width) and labels:
-        letters = printed / _INCH * 72.0 / (7.0 * _LETTER)
-        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 8))))
+    printed = PRINTED.get().width
+    if labels and (inches := printed / _INCH if printed else width):
+        letters = inches * 72.0 / ((7.0 if printed else 8.0) * _LETTER)
+        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 11))))
     return columns
 
 
