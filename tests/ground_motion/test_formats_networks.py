@@ -42,6 +42,14 @@ def test_other_counts():
         refused(files.cwb(length=length), r"states a number of samples of \d+, what was read has")
 
 
+def test_a_row_that_ends_before_the_number_of_points():
+    """Which is the twelfth of its row."""
+    for numbers in (11, 10):
+        lines = files.bhrc().splitlines()
+        lines[7] = lines[7][: 5 * numbers]
+        refused("\n".join(lines), "the header of numbers before line 13 holds something else")
+
+
 def test_other_steps():
     refused(files.cwb(rate=100), "states a sampling interval of 0.01 s, what was read has 0.02")
     refused(files.bhrc(rate=100.0), "states a sampling interval of 0.01 s, what was read has 0.005 s")

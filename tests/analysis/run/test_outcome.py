@@ -146,7 +146,7 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
     case = model([story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(100.0, -50.0, 10.0))
     response = run(case, method=method, dt=20.0, duration=800.0)
     assert response.halvings > 0
-    assert any(f"were halved, {response.halvings} times" in note for note in response.notes)
+    assert any(f"were halved, {response.halvings} time" in note for note in response.notes)
     assert np.all(response.stories.peak_drift > 0.0) and np.all(np.isfinite(response.stories.peak_drift))
     monkeypatch.setattr(prepared, "HALVINGS", 0)
     with pytest.raises(FailedRun) as failure:
