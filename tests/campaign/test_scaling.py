@@ -337,3 +337,8 @@ def test_targets_that_are_refused(tmp_path, text, message):
     file.write_text(text)
     with pytest.raises(ModelError, match=message):
         read_target(str(file))
+
+
+def test_intensities_are_those_of_five_percent_of_damping():
+    """As ground motion models have them."""
+    assert {measure.damping for measure in (sa(0.7), sa_average(0.7))} == {0.05}
