@@ -282,12 +282,7 @@ def test_moment4_carries_its_error_along(folder, tdint):
     assert 0.0 < off <= float(worst["peak_drift_m_error"]) * 1.001
     assert float(worst["corrected_peak_drift_m"]) == check["corrected_peaks"]["drift_m"]
     assert ", carried along in the run." in result.stderr and "Corrected by it: largest drift " in result.stderr
-    # Asked for, none is taken for small by chance.
-    for one, other in zip(
-        rows(tdint("run", "shaken.yaml", "--method", "moment4", "--check").stdout), rows(result.stdout), strict=True
-    ):
-        assert all(one[name] == other[name] for name in one if not name.endswith("_error"))
-        assert all(float(one[name]) >= float(other[name]) for name in one if name.endswith("_error") and one[name])
+    assert tdint("run", "shaken.yaml", "--method", "moment4", "--check").stdout == result.stdout
     assert "estimated error" not in plain.stderr
 
 

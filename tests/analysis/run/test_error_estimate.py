@@ -21,7 +21,7 @@ from tdint import run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import estimate, finer
 from tdint.analysis.run.outcome import FailedRun, StoryErrors
-from tdint.analysis.run.steps import Steps, coarser
+from tdint.analysis.run.steps import Steps
 
 NAMES = [field.name for field in fields(StoryErrors)]
 
@@ -135,11 +135,6 @@ def test_the_steps_of_the_repetitions():
     assert finer(Steps(0.01, 7, 2)) == Steps(0.005, 14, 4)
     assert finer(Steps(0.06, 7, 1, 6)) == Steps(0.03, 14, 1, 3)
     assert finer(Steps(0.03, 7, 1, 3)) == Steps(0.015, 14, 2, 3)
-    assert [coarser(one) for one in (Steps(0.01, 6, 2), Steps(0.06, 6, 1, 6))] == [
-        Steps(0.02, 3),
-        Steps(0.12, 3, 1, 12),
-    ]
-    assert coarser(Steps(0.01, 7, 3)) is None and coarser(Steps(0.01, 7)).late == pytest.approx(0.01)
     response = run(ten_linear(), noise(), method="newmark-average", dt=0.03, check=True)
     assert response.check.dts == pytest.approx((0.015, 0.0075))
     true = run(ten_linear(), noise(), method="exact", dt=0.001, duration=response.steps * response.dt)

@@ -113,13 +113,3 @@ def finer(steps: Steps) -> Steps:
     if steps.per_sample == 1 and steps.stride % 2 == 0:
         return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
     return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)
-
-
-def coarser(steps: Steps) -> Steps | None:
-    """Twice the step over the same time, or a half of that longer; None where no whole number of such steps takes whole
-    sampling intervals."""
-    count = math.ceil(steps.count / 2)
-    steps = replace(steps, h=2.0 * steps.h, count=count, end=steps.count * steps.h)
-    if steps.per_sample % 2 == 0:
-        return replace(steps, per_sample=steps.per_sample // 2)
-    return replace(steps, stride=2 * steps.stride) if steps.per_sample == 1 else None
