@@ -34,7 +34,7 @@ from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, many
 from tdint.kernels.march.march import march
-from tdint.kernels.march.strides import ALLOWED, DRIFTS, PERIOD, march_in_strides
+from tdint.kernels.march.strides import ALLOWED, DRIFTS, FASTEST, PERIOD, march_in_strides
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table, variant
 from tdint.model.definition import Model
@@ -270,8 +270,8 @@ class PreparedBuilding:
         space.every = steps.count // rows if rows else 1
         if steps.bound:
             obtain([(march_in_strides, self.variant)])
-            space.flags[at.FAST] = self.building.fastest * steps.h / _RESOLVED
             space.choice = np.zeros(DRIFTS + self.building.stories)
+            space.choice[FASTEST] = self.building.fastest * steps.h / _RESOLVED
             space.choice[ALLOWED], space.choice[PERIOD] = steps.bound.allowed, self.period
             space.choice[DRIFTS:] = steps.bound.drifts
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)

@@ -20,7 +20,8 @@ NEXT = 3  # the next stride, in units
 SHORTEST = 4  # of the strides so far, in units
 LONGEST = 5
 TAKEN = 6  # strides
-DRIFTS = 7  # from here on what the stories' peak drifts are taken for at least, m
+FASTEST = 7  # a unit over the longest step that follows the building's fastest mode
+DRIFTS = 8  # from here on what the stories' peak drifts are taken for at least, m
 
 _POWER = 5.0 / 3.0
 _KEPT = 0.7  # of the pace, from one step to the next: it passes zero where all stories' do
@@ -107,7 +108,7 @@ def march_in_strides(
         choice[LONGEST] = max(choice[LONGEST], stride)
         report[at.CARRIED_GROUND] = load[at.GROUND_1]
         slope = (load[at.GROUND_1] - load[at.GROUND_0]) / span_h
-        span = Span(span_h, load[at.GROUND_0], load[at.GROUND_1], on_path, flags[at.FAST] * stride > 1.0)
+        span = Span(span_h, load[at.GROUND_0], load[at.GROUND_1], on_path, choice[FASTEST] * stride > 1.0)
         near = observe(scene, s * h, span, slope, memory, seen)
         if look_between(near, scene, span, memory, seen) > 0:
             take_shears(raise_shears, scene, memory, seen)
