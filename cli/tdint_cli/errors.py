@@ -7,7 +7,7 @@ import signal
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -30,7 +30,7 @@ class Terminated(BaseException):
 class Failures(TdintError):
     """Inputs of one command that failed, after the others were done; the exit code is the smallest of theirs."""
 
-    def __init__(self, errors: list[TdintError]) -> None:
+    def __init__(self, errors: Sequence[TdintError]) -> None:
         super().__init__("\n".join(map(str, errors)))
         self.exit_code = min(error.exit_code for error in errors)
 

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from tdint.campaign.ida.study import ida as ida
     from tdint.campaign.sensitivity import sensitivity as sensitivity
     from tdint.campaign.suites.scaling import scale as scale
-    from tdint.ground_motion.processing import process as process
+    from tdint.ground_motion.processing_steps import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
@@ -131,7 +131,7 @@ _HOMES = {
     "overshoot": "tdint.analysis.assessment.overshoot",
     "plot": "tdint.output.plotting",
     "prepare": "tdint.analysis.run.run",
-    "process": "tdint.ground_motion.processing",
+    "process": "tdint.ground_motion.processing_steps",
     "pushover": "tdint.analysis.static.pushover",
     "read_horizontals": "tdint.ground_motion.reading.read",
     "read_record": "tdint.ground_motion.reading.read",

@@ -24,22 +24,6 @@ _TEMPORARY = ".tdint-{}.tmp"
 _unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
 
 
-def is_folder(name: str | Path) -> bool:
-    """Whether a name is that of a folder; False also for one that can be no file's (too long, say)."""
-    try:
-        return Path(name).is_dir()
-    except (OSError, ValueError):
-        return False
-
-
-def is_file(name: str | Path) -> bool:
-    """Whether a name is that of a file, as `is_folder`."""
-    try:
-        return Path(name).is_file()
-    except (OSError, ValueError):
-        return False
-
-
 def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     """Make sure that files can be written, before the work whose results they shall hold.
 

@@ -78,3 +78,19 @@ def is_named_pipe(source: str | Path) -> bool:
         return stat.S_ISFIFO(Path(source).stat().st_mode)
     except (OSError, ValueError):  # Opening it tells why.
         return False
+
+
+def is_folder(name: str | Path) -> bool:
+    """Whether a name is that of a folder; False also for one that can be no file's (too long, say)."""
+    try:
+        return Path(name).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def is_file(name: str | Path) -> bool:
+    """Whether a name is that of a file, as `is_folder`."""
+    try:
+        return Path(name).is_file()
+    except (OSError, ValueError):
+        return False

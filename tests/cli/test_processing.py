@@ -14,7 +14,7 @@ import pytest
 
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
-from tdint.ground_motion.processing import process
+from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.config.model_file import load_model
 

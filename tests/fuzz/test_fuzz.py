@@ -14,7 +14,7 @@ from fuzz.oracle import REFUSED, SAME, Failure, outcome, read
 from fuzz.printed import check
 from fuzz.run import BITS, flipped_bits
 from fuzz.sandbox import MODELS, run, sandbox
-from tdint.ground_motion.reading import plugins
+from tdint.ground_motion.reading import contents
 
 SOUNDS = corpus()
 EACH = 40
@@ -125,7 +125,7 @@ def test_the_oracle_sees_what_is_not_compared(monkeypatch):
     before = read(sound.data, sound.units)
     wrong = sound.data.replace(b"100 samples", b"94 samples")
     assert outcome(sound, before, wrong) == REFUSED
-    monkeypatch.setattr(plugins, "compare_with_statements", lambda *_: ("number of samples",))
+    monkeypatch.setattr(contents, "compare_with_statements", lambda *_: ("number of samples",))
     lines = sound.data.splitlines(keepends=True)
     with pytest.raises(Failure, match="changed without a word: 94 samples of 100"):
         outcome(sound, before, b"".join([*lines[:3], *lines[4:]]))

@@ -9,8 +9,8 @@ import pytest
 from ground_motion import format_files as files
 from ground_motion.files import trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.reading import source
-from tdint.ground_motion.reading.folders import is_record
+from tdint.ground_motion.reading import contents
+from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_record, read_records
 
 
@@ -72,7 +72,7 @@ def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
 
 
 def test_a_bomb_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(source, "LARGEST", 2**20)
+    monkeypatch.setattr(contents, "LARGEST", 2**20)
     (tmp_path / "a.zip").write_bytes(packed({"a": bytes(2**19), "b": bytes(2**21)}))
     with pytest.raises(RecordError, match="larger than 256 MiB uncompressed"):
         read_records(tmp_path / "a.zip")

@@ -12,8 +12,8 @@ from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.processing import process
-from tdint.ground_motion.reading.plugins import read_contents
+from tdint.ground_motion.processing_steps import process
+from tdint.ground_motion.reading.contents import read_contents
 from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.units import STANDARD_GRAVITY
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ground_motion.format_files import two_columns
 from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
-from tdint.ground_motion.reading.plugins import plugins
+from tdint.ground_motion.reading.contents import plugins
 
 READERS = {plugin.name: plugin.read_format.load() for plugin in plugins() if plugin.is_own}
 CASES = [(name, make().encode()) for name, makes in SAMPLES.items() for make in makes]

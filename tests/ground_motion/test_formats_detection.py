@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ground_motion.files import obspy_data, trace, wave, write
 from ground_motion.samples import SAMPLES
-from tdint.ground_motion.reading.plugins import plugins
+from tdint.ground_motion.reading.contents import plugins
 
 CHECKS = {plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.is_own}
 

@@ -12,7 +12,7 @@ from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.header_checks.mseed import last_samples, most_samples
 from tdint.ground_motion.header_checks.statement import Damaged, Statement, check_step, compare
-from tdint.ground_motion.reading.plugins import read_contents
+from tdint.ground_motion.reading.contents import read_contents
 from tdint.ground_motion.reading.read import read_record
 
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.processing import Processing, parse_pad, parse_trim, process
+from tdint.ground_motion.processing import Processing, parse_pad, parse_trim
+from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Input, Record
 
 DT = 0.01

@@ -12,7 +12,7 @@ import pytest
 import tdint
 from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.reading.plugins import OBSPY_FORMATS, plugins
+from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins
 from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.units import STANDARD_GRAVITY, parse_units
 
@@ -379,7 +379,7 @@ class TestOwnPlugins:
                 raise RecordError("names no unit")
             return [trace(wave(), tdint_units=words[1])]
 
-        from tdint.ground_motion.reading import plugins as module
+        from tdint.ground_motion.reading import contents as module
 
         own = module.Plugin("OWN", Entry(lambda file: file.read(3) == b"OWN"), Entry(read_format))
         monkeypatch.setattr(module, "plugins", lambda: iter([own]))

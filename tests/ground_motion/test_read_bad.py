@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from ground_motion.files import counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.reading.plugins import read_contents
+from tdint.ground_motion.reading.contents import read_contents
 from tdint.ground_motion.reading.read import read_record, read_records
 
 
@@ -64,7 +64,7 @@ class TestNoFile:
             read_record(tmp_path / "*.mseed")
 
     def test_too_large(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tdint.ground_motion.reading.source.LARGEST", 4096)
+        monkeypatch.setattr("tdint.ground_motion.reading.contents.LARGEST", 4096)
         refused(write(tmp_path / "a", trace(wave())), "larger than")
 
     def test_empty_standard_input(self, monkeypatch):

@@ -6,7 +6,7 @@ Peaks are those that the files' own headers or their publishers state.
 import pytest
 
 from real_records import real_file
-from tdint.ground_motion.processing import process
+from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.reading.read import read_records
 from tdint.units import STANDARD_GRAVITY
 

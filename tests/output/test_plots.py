@@ -18,7 +18,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.campaign.profiles import Profile
 from tdint.errors import OutputError
 from tdint.files import write_file
-from tdint.ground_motion.processing import process
+from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.demands import profile_picture

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
-from tdint.input_bytes import READ
-from tdint_cli.batch.sources import STDIN
+from tdint.input_bytes import READ, STDIN
 from tdint_cli.batch.workers import Lost, Workers
 from tdint_cli.terminal.progress import counted
 

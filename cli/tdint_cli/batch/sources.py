@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
-from tdint.ground_motion.reading.folders import Sources, records_of
 from tdint.input_bytes import STDIN
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
-
-__all__ = ["STDIN", "Sources", "notes_of_components", "records_of", "refuse_inputs", "tables_of"]
 
 
 def tables_of(files: Sequence[str], folder: Path) -> list[Path]:

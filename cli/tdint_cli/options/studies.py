@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from tdint.errors import TdintError, UsageError
+from tdint.errors import UsageError
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.values import FileName, PairsType, PairWish, Ratio, grid
@@ -103,8 +103,8 @@ threads = headings.option(
 )
 
 
-def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> tuple[Suite, list[TdintError]]:
-    """The ground motions of a command line, and what could not be read; what there is to say of them is said.
+def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
+    """The ground motions of a command line; what there is to say of them is said, but for what could not be read.
 
     Raises
     ------
@@ -113,21 +113,16 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     TdintError
         Nothing could be read.
     """
-    from tdint.ground_motion.reading.suites import read_components, read_pairs
-    from tdint_cli.batch.sources import records_of
+    from tdint.ground_motion.reading import suites
     from tdint_cli.errors import Failures
 
     if pairs and choice.component is not None:
         raise UsageError("--component names single components; leave it out with pairs")
-    sources = records_of(records, choice.layout)
-    for text in sources.notes:
-        note(text)
-    suite = read_pairs(sources.files, choice, pairs.names) if pairs else read_components(sources.files, choice)
-    failures: list[TdintError] = [*sources.failures, *suite.failures]
-    if not suite.motions:
-        raise Failures(failures)
+    suite = suites.read_suite(records, choice, pairs.names if pairs else None)
     for text in suite.notes:
         note(text)
+    if not suite.motions:
+        raise Failures(suite.failures)
     for text in dict.fromkeys(f"{record.source}: {text}" for record in suite.records for text in record.warnings):
         warn(text)
-    return suite, failures
+    return suite

@@ -29,8 +29,7 @@ from tdint.campaign.levels import FactorTable
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.joining import JoinedRecord
-from tdint.ground_motion.reading.folders import records_of
-from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
+from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_suite, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
@@ -250,16 +249,11 @@ def read_motions(wanted: RecordFiles) -> FoundMotions:
     RecordError
         None can be used: why, one line each.
     """
-    sources = records_of(wanted.files, wanted.choice.layout)
-    if wanted.pairs:
-        suite = read_pairs(sources.files, wanted.choice, wanted.pairs)
-    else:
-        suite = read_components(sources.files, wanted.choice)
-    failures = (*sources.failures, *suite.failures)
+    suite = read_suite(wanted.files, wanted.choice, wanted.pairs)
     if not suite.motions:
-        raise RecordError("\n".join(map(str, failures)) or "there is no record in this campaign")
+        raise RecordError("\n".join(map(str, suite.failures)) or "there is no record in this campaign")
     said = [f"{record.source}: {record.component}: {text}" for record in suite.records for text in record.warnings]
-    return FoundMotions(suite_motions(suite.motions), failures, (*sources.notes, *suite.notes, *said))
+    return FoundMotions(suite_motions(suite.motions), suite.failures, (*suite.notes, *said))
 
 
 def read_sequences(wanted: SequenceFile) -> FoundMotions:

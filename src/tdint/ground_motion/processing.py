@@ -1,4 +1,4 @@
-"""Changes to a record, made only when asked for, each told in the record's notes.
+"""Changes to a record that may be asked for; `tdint.ground_motion.processing_steps` makes them.
 
 The steps are always taken in this order: trim, baseline, pad, filters, resample. So the mean is that of the part which
 is used, the filters see the record between zeros, and the zeros of a pad take up what a filter spreads beyond the ends.
@@ -9,13 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import UsageError
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-
-if TYPE_CHECKING:
-    from tdint.ground_motion.record import Record
 
 BASELINES = ("constant", "linear")
 CORNERS = 4
@@ -68,31 +65,6 @@ class Processing:
         given = {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
         return replace(other, **given)
 
-    def apply(self, record: Record) -> Record:
-        """The record after all steps; itself if there is none.
-
-        Raises
-        ------
-        RecordError
-            A step does not fit the record.
-        """
-        from tdint.ground_motion import processing_steps as steps  # numpy, which a model file can do without
-
-        corners = self.corners or CORNERS
-        if self.trim is not None:
-            record = steps.trim(record, *self.trim)
-        if self.baseline is not None:
-            record = steps.remove_baseline(record, self.baseline)
-        if self.pad is not None:
-            record = steps.pad(record, *self.pad)
-        if self.highpass is not None:
-            record = steps.butterworth(record, "highpass", self.highpass, corners)
-        if self.lowpass is not None:
-            record = steps.butterworth(record, "lowpass", self.lowpass, corners)
-        if self.resample is not None:
-            record = steps.resample(record, self.resample)
-        return record
-
 
 @dataclass(frozen=True)
 class RecordChoice:
@@ -109,42 +81,6 @@ class RecordChoice:
         """What `tdint.read_record` is told."""
         wanted = {"units": self.units, "component": self.component, "inventory": self.inventory}
         return {**wanted, "layout": self.layout}
-
-
-def process(
-    record: Record,
-    *,
-    trim: tuple[float | None, float | None] | None = None,
-    baseline: str | None = None,
-    pad: float | tuple[float, float] | None = None,
-    highpass: float | None = None,
-    lowpass: float | None = None,
-    corners: int | None = None,
-    resample: float | None = None,
-) -> Record:
-    """Change a record in the steps asked for, in this order whatever that of the arguments.
-
-    Parameters
-    ----------
-    record : Record
-        Left as it is.
-    trim, baseline, pad, highpass, lowpass, corners, resample
-        As in `Processing`; a single number for `pad` stands for both ends.
-
-    Returns
-    -------
-    Record
-        Its notes and its `processing` tell what was done.
-
-    Raises
-    ------
-    UsageError
-        Values that make no sense for any record.
-    RecordError
-        A step does not fit this record: a trim outside it, a corner above its Nyquist frequency.
-    """
-    both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
-    return Processing(trim, baseline, both, highpass, lowpass, corners, resample).apply(record)
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:

@@ -1,4 +1,4 @@
-"""The steps of processing: each takes a record and gives a new one, whose notes tell what was done."""
+"""Changes to a record, made only when asked for (`tdint.ground_motion.processing`), each told in its notes."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.interpolation import MOST_SAMPLES, resampled
+from tdint.ground_motion.processing import CORNERS, Processing
 from tdint.ground_motion.record import Record
 
 _NARROWEST = 1e-5
@@ -19,6 +20,66 @@ rounding and the time to settle get out of hand."""
 
 _SETTLED = 1e-13
 _ROUNDING = 1e-6
+
+
+def process(
+    record: Record,
+    *,
+    trim: tuple[float | None, float | None] | None = None,
+    baseline: str | None = None,
+    pad: float | tuple[float, float] | None = None,
+    highpass: float | None = None,
+    lowpass: float | None = None,
+    corners: int | None = None,
+    resample: float | None = None,
+) -> Record:
+    """Change a record in the steps asked for, in this order whatever that of the arguments.
+
+    Parameters
+    ----------
+    record : Record
+        Left as it is.
+    trim, baseline, pad, highpass, lowpass, corners, resample
+        As in `Processing`; a single number for `pad` stands for both ends.
+
+    Returns
+    -------
+    Record
+        Its notes and its `processing` tell what was done.
+
+    Raises
+    ------
+    UsageError
+        Values that make no sense for any record.
+    RecordError
+        A step does not fit this record: a trim outside it, a corner above its Nyquist frequency.
+    """
+    both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
+    return processed(record, Processing(trim, baseline, both, highpass, lowpass, corners, resample))
+
+
+def processed(record: Record, wanted: Processing) -> Record:
+    """The record after all steps; itself if there is none.
+
+    Raises
+    ------
+    RecordError
+        A step does not fit the record.
+    """
+    corners = wanted.corners or CORNERS
+    if wanted.trim is not None:
+        record = trim(record, *wanted.trim)
+    if wanted.baseline is not None:
+        record = remove_baseline(record, wanted.baseline)
+    if wanted.pad is not None:
+        record = pad(record, *wanted.pad)
+    if wanted.highpass is not None:
+        record = butterworth(record, "highpass", wanted.highpass, corners)
+    if wanted.lowpass is not None:
+        record = butterworth(record, "lowpass", wanted.lowpass, corners)
+    if wanted.resample is not None:
+        record = resample(record, wanted.resample)
+    return record
 
 
 def _label(record: Record) -> str:

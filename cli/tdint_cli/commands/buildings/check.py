@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import AnalysisError, ModelError, TdintError, UsageError
-from tdint.files import is_file
+from tdint.input_bytes import is_file
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName

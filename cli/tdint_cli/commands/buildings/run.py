@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint.files import check_outputs, check_room, is_folder, write_files
+from tdint.files import check_outputs, check_room, write_files
+from tdint.input_bytes import is_folder
 from tdint.output import figures, tables
 from tdint.output_units import SI, OutputUnits
 from tdint.written_numbers import how_many

@@ -11,7 +11,7 @@ from tdint.errors import TdintError
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs
+from tdint_cli.batch.sources import notes_of_components, refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
@@ -81,6 +81,8 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
+    from tdint.ground_motion.reading.suites import records_of
+
     sources = records_of(request.records, request.layout)
     outputs = request.outputs
     refuse_inputs(outputs.files, [*sources.files, request.inventory])

@@ -10,8 +10,8 @@ import click
 
 from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
+from tdint.input_bytes import STDIN
 from tdint.output import figures, tables
-from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
 from tdint_cli.options import headings, output, studies
 from tdint_cli.options.plot import BESIDE

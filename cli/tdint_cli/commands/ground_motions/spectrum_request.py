@@ -101,7 +101,7 @@ class TablesRequest(RecordsRequest):
     @property
     def is_folder(self) -> bool:
         """Whether -o names a folder: one that exists, or by a separator at its end."""
-        from tdint.files import is_folder
+        from tdint.input_bytes import is_folder
 
         output = self.output
         return output is not None and (output.endswith(("/", os.sep)) or is_folder(output))

@@ -13,7 +13,7 @@ from tdint.errors import TdintError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
+from tdint_cli.batch.sources import notes_of_components, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, TablesRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs, check_picture
@@ -80,6 +80,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     TdintError
         Wrong arguments or outputs, before any work; Failures of records, after the others are done.
     """
+    from tdint.ground_motion.reading.suites import records_of
+
     kind.check(request)
     request.check_plot()
     _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.

@@ -199,7 +199,7 @@ def _ida(request: IdaRequest) -> None:
         check=request.check,
         thresholds=request.threshold or None,
     )
-    suite, failures = read_suite(request.records, request.choice, request.pairs)
+    suite = read_suite(request.records, request.choice, request.pairs)
     with progress_bar(request.output is None) as tell:
         study = ida(
             model,
@@ -215,10 +215,10 @@ def _ida(request: IdaRequest) -> None:
         )
     if folder is None:
         emit_table(tables.studies.capacity_table(study.in_units(units)))
-    _write(request, study, settings, units, [str(error) for error in failures])
+    _write(request, study, settings, units, [str(error) for error in suite.failures])
     _report(study.in_units(units), request.precision)
-    if failures:
-        raise Failures(failures)
+    if suite.failures:
+        raise Failures(suite.failures)
 
 
 def _mainshock(request: IdaRequest) -> Mainshock | None:
@@ -227,9 +227,9 @@ def _mainshock(request: IdaRequest) -> Mainshock | None:
 
     if request.after is None or not request.damage:
         return None
-    suite, failures = read_suite([request.after], request.choice, None)
-    if failures:
-        raise failures[0]
+    suite = read_suite([request.after], request.choice, None)
+    if suite.failures:
+        raise suite.failures[0]
     return Mainshock(tuple(suite.records), request.damage)
 
 

@@ -211,9 +211,9 @@ def _scale(request: ScaleRequest) -> None:
         [*outputs.files, *spectra], [*request.records, request.target, request.inventory, *(request.building or ())]
     )
     aim = _aim(request)
-    suite, failures = read_suite(request.records, request.choice, request.pair_wish)
-    if failures and (request.p695 or request.rule in _BY_PERIOD):
-        raise Failures(failures)
+    suite = read_suite(request.records, request.choice, request.pair_wish)
+    if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
+        raise Failures(suite.failures)
     scaling = aim(suite.motions)
     _check_factors(request, scaling)
     table = tables.studies.factor_table(scaling)
@@ -229,8 +229,8 @@ def _scale(request: ScaleRequest) -> None:
     say(_words(scaling, units))
     for text in _doubts(scaling):
         warn(text)
-    if failures:
-        raise Failures(failures)
+    if suite.failures:
+        raise Failures(suite.failures)
 
 
 def _aim(request: ScaleRequest) -> Any:

@@ -16,7 +16,8 @@ from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
 from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
-from tdint.files import is_file, write_file
+from tdint.files import write_file
+from tdint.input_bytes import is_file
 from tdint.kernels.building.sources import digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse

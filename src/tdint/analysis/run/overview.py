@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import ModelError, UsageError
-from tdint.files import is_file
+from tdint.input_bytes import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged, model_of

@@ -16,6 +16,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
 from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
+from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -214,5 +215,5 @@ def model_record(model: Model) -> Record | None:
     source = model.excitation.record
     if source is None:
         return None
-    record = source.choice.processing.apply(read_record(source.file, **source.choice.reading))
+    record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record

@@ -23,7 +23,7 @@ from tdint.campaign.fragility.run_measures import column_of, with_measures
 from tdint.campaign.ida.curve import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
-from tdint.files import is_folder
+from tdint.input_bytes import is_folder
 from tdint.quantity import suffix
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tdint.errors import OutputError
-from tdint.files import is_file, remove_abandoned
+from tdint.files import remove_abandoned
+from tdint.input_bytes import is_file
 from tdint.system import file_system
 
 _SILENT, _LONGEST = 1000, 9000

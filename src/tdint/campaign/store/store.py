@@ -17,8 +17,9 @@ from tdint.campaign.store import schema
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction
 from tdint.campaign.store.identity import Identity, all_differences
 from tdint.errors import OutputError, UsageError
-from tdint.files import digest_of, is_file
+from tdint.files import digest_of
 from tdint.ground_motion.measures import measure
+from tdint.input_bytes import is_file
 from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.version import __version__
 

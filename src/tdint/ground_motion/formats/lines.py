@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 
-WIDE = (b"\xff\xfe", b"\xfe\xff")
+_WIDE = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of text in UTF-16, as spreadsheets save it."""
 
 _HEAD = 8192
@@ -260,17 +260,19 @@ def is_row_of_numbers(line: str | None) -> bool:
         return False
 
 
-def read_lines(file: Any) -> Lines:
+def read_lines(file: Any, *, text_only: bool = False) -> Lines:
     """All lines of a file (name, path, or object open for reading bytes).
 
     Raises
     ------
     RecordError
-        The file is larger than 64 MiB.
+        The file is larger than 64 MiB, or with `text_only` begins with bytes that no text has.
     """
     data = _read(file, _LARGEST + 1)
     if len(data) > _LARGEST:
         raise RecordError("the file is larger than 64 MiB; cut the event out of it first")
+    if text_only and _is_binary(data[:_HEAD]):
+        raise RecordError("this is no text")
     return Lines(_decode(data))
 
 
@@ -289,7 +291,7 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         data = _read(file, _HEAD)
         if position is not None:
             file.seek(position)
-        if b"\0" in data and data[:2] not in WIDE:
+        if _is_binary(data):
             return False
         *lines, last = _decode(data).split("\n")
         # A last line that is cut off counts only if a long line of values begins in it.
@@ -298,6 +300,10 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         return bool(check(list(map(_beginning, lines))))
     except Exception:  # A check that stumbles over foreign bytes has not recognized them.
         return False
+
+
+def _is_binary(data: bytes) -> bool:
+    return b"\0" in data and data[:2] not in _WIDE
 
 
 def _beginning(line: str) -> str:
@@ -318,7 +324,7 @@ def _read(file: Any, size: int) -> bytes:
 def _decode(data: bytes) -> str:
     """Text with LF ends; names of stations may be in any encoding, numbers are the same in all."""
     try:
-        text = data.decode("utf-16" if data[:2] in WIDE else "utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in _WIDE else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     # DOS marked the end of a text with Ctrl-Z.

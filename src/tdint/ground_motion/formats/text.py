@@ -61,15 +61,16 @@ _MOST = 50
 """Columns that a table may have."""
 
 
-def is_text(file: Any, **_: Any) -> bool:
-    """Whether a file has a header as above, if any, then rows of one number, or of several the first of which grows."""
-    return recognizes(file, _matches)
+def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
+    """Whether a file has a header as above, if any, then rows of one number, or of several the first of which grows;
+    with a layout, whether a table of numbers begins below the lines to skip."""
+    return first_row(file, layout) is not None if layout else recognizes(file, _matches)
 
 
 def first_row(file: Any, layout: TextLayout) -> int | None:
     """The line, counted from 1, where a table of numbers begins below the lines to skip; None if there is none."""
     try:
-        lines = read_lines(file)
+        lines = read_lines(file, text_only=True)
         lines.skip(layout.skip_lines or 0)
         lines.take_until(ROW.fullmatch, "row of numbers")
         number = lines.number + 1

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
+from tdint.ground_motion.reading.contents import digested, read_bytes
 from tdint.ground_motion.reading.scale import without_mean
-from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.record import Input
 
 _PASSING, _LEFT = math.sqrt(0.5), 0.1

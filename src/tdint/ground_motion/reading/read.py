@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
+from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.reading.segments import (
     Channel,
@@ -23,7 +23,6 @@ from tdint.ground_motion.reading.segments import (
     group_channels,
     join,
 )
-from tdint.ground_motion.reading.source import digested, is_archive, members, read_bytes
 from tdint.ground_motion.record import Input, Record, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
@@ -235,9 +234,8 @@ def _components(
         raise RecordError(f"a record is a file's name, got {source!r:.60}")
     name = str(source)
     data = read_bytes(source)
-    parts = _records_in(data, name, layout) if is_archive(data) else [(name, data)]
-    contents = [(part, read_contents(content, part, layout)) for part, content in parts]
-    found = [_Component(part, read, channel) for part, read in contents for channel in group_channels(read.traces)]
+    parts = read_parts(data, name, layout)
+    found = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
     if component is not None:
         if not isinstance(component, str):
             raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
@@ -263,16 +261,6 @@ class _Component:
     def label(self) -> str:
         """File and channel, for messages."""
         return f"{self.source}: {self.channel.id}" if self.channel.id.strip(".") else self.source
-
-
-def _records_in(data: bytes, name: str, layout: TextLayout) -> list[tuple[str, bytes]]:
-    """The files of known formats in an archive."""
-    files = members(data, name)
-    records = [(part, content) for part, content in files if has_known_format(content, layout)]
-    if not records:
-        listed = ", ".join(part.removeprefix(f"{name}/")[:60] for part, _ in files[:10]) or "nothing"
-        raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
-    return records
 
 
 def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:

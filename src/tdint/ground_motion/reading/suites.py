@@ -1,16 +1,107 @@
-"""Suites of ground motions: the horizontal components of many files, one by one or in pairs."""
+"""Suites of ground motions: the files that someone named, folders taken apart, and the horizontal components in them,
+one by one or in pairs."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from tdint.errors import RecordError
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
 from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
 from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.processing_steps import processed
+from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.input_bytes import STDIN, is_folder
+
+_MOST_NAMES = 10
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Records to be read.
+
+    Attributes
+    ----------
+    files : tuple of str
+        The files to read, in order; `-` is standard input.
+    notes : tuple of str
+        What was left out of folders, a sentence each.
+    failures : tuple of RecordError
+        Folders without records.
+    """
+
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+    failures: tuple[RecordError, ...]
+
+
+def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sources:
+    """Files as they are given; of a folder the records in it, by name.
+
+    What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file that cannot be read
+    stays, so that its failure is told. With a layout, text tables are records that would not be recognized without.
+
+    Raises
+    ------
+    UsageError
+        Standard input is given more than once.
+    """
+    if arguments.count(STDIN) > 1:
+        raise UsageError("standard input (-) can be read only once")
+    files: list[str] = []
+    notes: list[str] = []
+    failures: list[RecordError] = []
+    for argument in arguments:
+        if argument == STDIN or not is_folder(argument):
+            files.append(argument)
+            continue
+        try:
+            found, others = _contents(argument, layout)
+        except RecordError as error:
+            failures.append(error)
+            continue
+        files += found
+        if others:
+            notes.append(f"{argument}: not taken for records: {_listed(others)}")
+    return Sources(tuple(files), tuple(notes), tuple(failures))
+
+
+def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
+    """The records in a folder with its name before theirs, and the names of all else that is not hidden.
+
+    Raises
+    ------
+    RecordError
+        The folder cannot be read, or has no record in it.
+    """
+    try:
+        names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
+    except OSError as error:
+        raise RecordError(f"{folder}: the folder cannot be read: {error.strerror or error}") from error
+    records, others = [], []
+    for name in names:
+        file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
+        if Path(file).is_dir():
+            others.append(f"{name}/")
+        elif Path(file).is_file() and is_record(file, layout):  # A pipe would never end.
+            records.append(file)
+        else:
+            others.append(name)
+    if not records:
+        raise RecordError(f"{folder}: there is no record in this folder; it holds {_listed(others) or 'nothing'}")
+    return records, others
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
+
 
 GroundMotion = Record | Horizontals
 """One component, or a pair of horizontal ones."""
@@ -53,7 +144,20 @@ def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
     RecordError
         The file cannot be read, or changed so.
     """
-    return [choice.processing.apply(record) for record in read_records(file, **choice.reading)]
+    return [processed(record, choice.processing) for record in read_records(file, **choice.reading)]
+
+
+def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | None = None) -> Suite:
+    """The records that someone named, files and folders: their horizontal components, or pairs of them by their names.
+
+    Raises
+    ------
+    UsageError
+        As of `records_of` and `read_pairs`.
+    """
+    sources = records_of(named, choice.layout)
+    found = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
+    return Suite(found.motions, (*sources.failures, *found.failures), (*sources.notes, *found.notes))
 
 
 def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:

@@ -1,4 +1,7 @@
-"""Find a file's format among the safe ones and let its ObsPy plugin read it from memory.
+"""What a file holds: its bytes or those of the records in a zip file, their format, and what the format's reader finds.
+
+Every way in which a file cannot be read is said in the user's words. Zip files, as data centers deliver them, are read
+in memory: no member is written anywhere.
 
 ObsPy offers any file to every plugin it finds, one of which unpickles it: a crafted `.mseed` would run code. It also
 fetches URLs, expands wildcards and unpacks archives. None of this happens here: the plugins are taken by name from two
@@ -7,21 +10,34 @@ distributions, ObsPy's by the list below and tdint's own, and they see bytes in 
 
 from __future__ import annotations
 
+import hashlib
 import re
 import struct
+import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import WIDE
 from tdint.ground_motion.header_checks.check import compare_with_statements, look_at
 from tdint.ground_motion.header_checks.statement import Damaged
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
+from tdint.ground_motion.record import Input
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
+
+LARGEST = MOST_BYTES
+"""Bytes; reading takes some six times as much memory."""
+
+_ZIP = b"PK\x03\x04"
+_MOST_MEMBERS = 2000
+_DEEPEST = 2
+_LONGEST_NAME = 120
+_PIECE = 2**20
 
 _GROUP = "obspy.plugin.waveform"
 
@@ -41,8 +57,117 @@ _DAMAGE = re.compile(
 TABLES = "TEXT"
 """The format of which a user may say what the file does not."""
 
-_HEAD = 8192
 _ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
+
+
+def read_bytes(source: str | Path) -> bytes:
+    """Read a whole file.
+
+    The name is a path and nothing else: no URL is fetched, no wildcard is expanded, nothing is uncompressed.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, or `-` for standard input.
+
+    Returns
+    -------
+    bytes
+        What the file holds, at least one byte.
+
+    Raises
+    ------
+    RecordError
+        The file is missing, no file, not readable, empty, or larger than 256 MiB.
+    """
+    try:
+        content = read_at_most(source, LARGEST, RecordError)
+    except FileNotFoundError:
+        raise RecordError(f"{source}: there is no such file{_name_hint(str(source))}") from None
+    except IsADirectoryError:
+        raise RecordError(f"{source}: is a directory; name the record's file in it") from None
+    except PermissionError:
+        raise RecordError(f"{source}: no permission to read the file") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the name again
+        raise RecordError(f"{source}: cannot be read: {reason}") from error
+    if not content:
+        raise RecordError(f"{source}: the file is empty")
+    if len(content) > LARGEST:
+        raise RecordError(f"{source}: the file is larger than 256 MiB; cut the event out of it first")
+    return content
+
+
+def digested(data: bytes, source: str | Path) -> Input:
+    """What was read from a file, by name and SHA-256."""
+    note_input(source, data)
+    return Input(str(source), hashlib.sha256(data).hexdigest())
+
+
+def _name_hint(name: str) -> str:
+    """What the user may have meant by a name that is no file."""
+    if "://" in name:
+        return "; addresses are not fetched, download the record first"
+    if any(sign in name for sign in "*?["):
+        return "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+    return ""
+
+
+def is_archive(data: bytes) -> bool:
+    """Whether a file is a zip file by its first bytes."""
+    return data.startswith(_ZIP)
+
+
+def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
+    """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files within it.
+
+    The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the archive states.
+
+    Raises
+    ------
+    RecordError
+        The archive is damaged, encrypted, or larger than 256 MiB in all when uncompressed.
+    """
+    budget = [LARGEST]
+    return list(_members(data, source, budget, 1))
+
+
+def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
+    try:
+        with zipfile.ZipFile(BytesIO(data)) as archive:
+            files = [info for info in archive.infolist() if not info.is_dir() and not _is_hidden(info.filename)]
+            if len(files) > _MOST_MEMBERS:
+                raise RecordError(f"{source}: the archive holds {len(files)} files; take out those of the motion")
+            for info in files:
+                name = f"{source}/{info.filename[:_LONGEST_NAME]}"
+                content = _content(archive, info, name, budget)
+                if is_archive(content) and depth < _DEEPEST:
+                    yield from _members(content, name, budget, depth + 1)
+                elif content:
+                    yield name, content
+    except RecordError:
+        raise
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, ValueError, RuntimeError) as error:
+        raise RecordError(f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}") from error
+    except Exception as error:  # zlib and lzma have errors of their own.
+        raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
+
+
+def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, budget: list[int]) -> bytes:
+    if info.flag_bits & 1:
+        raise RecordError(f"{name}: is encrypted; unpack the archive first")
+    content = bytearray()
+    with archive.open(info) as file:
+        while piece := file.read(_PIECE):
+            content += piece
+            budget[0] -= len(piece)
+            if budget[0] < 0:
+                raise RecordError(f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first")
+    return bytes(content)
+
+
+def _is_hidden(name: str) -> bool:
+    return any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
 
 
 @dataclass(frozen=True)
@@ -70,6 +195,36 @@ class Contents:
     traces: list[Any]
     notes: tuple[str, ...]
     compared: tuple[str, ...]
+
+
+def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
+    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
+
+    A file that has a known format may still be damaged.
+    """
+    try:
+        data = read_bytes(source)
+        if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
+            return str(source).lower().endswith(".zip")
+        return _format_of(data, layout) is not None
+    except RecordError:
+        return True
+
+
+def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, Contents]]:
+    """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
+    parts = _records_in(data, source, layout) if is_archive(data) else [(source, data)]
+    return [(part, read_contents(content, part, layout)) for part, content in parts]
+
+
+def _records_in(data: bytes, name: str, layout: TextLayout) -> list[tuple[str, bytes]]:
+    """The files of known formats in an archive."""
+    files = members(data, name)
+    records = [(part, content) for part, content in files if _format_of(content, layout)]
+    if not records:
+        listed = ", ".join(part.removeprefix(f"{name}/")[:60] for part, _ in files[:10]) or "nothing"
+        raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
+    return records
 
 
 def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> Contents:
@@ -121,11 +276,6 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *own])))
 
 
-def has_known_format(data: bytes, layout: TextLayout = AS_STATED) -> bool:
-    """Whether the contents of a file are those of a format that is read."""
-    return _format_of(data, layout) is not None
-
-
 @cache
 def plugins() -> tuple[Plugin, ...]:
     """The formats that may be read, in the order in which a file is offered to them; asked for once.
@@ -161,31 +311,28 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
     with caught_messages():
         found = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
-    if found is None and layout and _first_row(data, layout):
-        return next(plugin for plugin in plugins() if plugin.name == TABLES)
+        if found is None and layout:
+            tables = (plugin for plugin in plugins() if plugin.name == TABLES)
+            found = next((plugin for plugin in tables if _accepts(plugin, data, layout=layout)), None)
     return found
-
-
-def _first_row(data: bytes, layout: TextLayout) -> int | None:
-    from tdint.ground_motion.formats.text import first_row
-
-    return None if b"\0" in data[:_HEAD] and not data.startswith(WIDE) else first_row(BytesIO(data), layout)
 
 
 def _hint(data: bytes, layout: TextLayout) -> str:
     """What may help where a table stands in a text that tells nothing of it."""
     if layout:
         return f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
-    line = _first_row(data, layout)
+    from tdint.ground_motion.formats.text import first_row
+
+    line = first_row(BytesIO(data), layout)
     if line is None:
         return ""
     above = f", past the lines above by `skip_lines={line - 1}`," if line > 1 else ""
     return f" (a table of numbers begins in line {line}: tell by `step` and `column`{above} what it is)"
 
 
-def _accepts(plugin: Plugin, data: bytes) -> bool:
+def _accepts(plugin: Plugin, data: bytes, **said: Any) -> bool:
     try:
-        return bool(_load(plugin.is_format)(BytesIO(data)))
+        return bool(_load(plugin.is_format)(BytesIO(data), **said))
     except Exception:  # A check that stumbles over foreign bytes has not recognized them.
         return False
 
