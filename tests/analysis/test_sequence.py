@@ -12,7 +12,7 @@ from building_cases import ten_bilinear
 from tdint.analysis.run.outcome import StoryPeaks
 from tdint.analysis.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
-from tdint.ground_motion.joining import JoinedRecord, join
+from tdint.ground_motion.joining import JoinedRecord, one_after_another
 from tdint.ground_motion.record import Record
 from tdint.model.laws import Law
 
@@ -107,7 +107,7 @@ def test_a_shock_begins_with_a_step():
         joined = sequence_of(case(), [MAIN, AFTER], rest=1.005, dt=dt)
         assert joined.starts[1] % max(round(dt / 0.01), 1) == 0
         assert joined.starts[1] >= MAIN.acceleration.size - 1 + 100.5
-    alone = tdint.run(ten_bilinear(), join([MAIN, AFTER], joined.starts), method="impulse4", dt=dt)
+    alone = tdint.run(ten_bilinear(), one_after_another([MAIN, AFTER], joined.starts), method="impulse4", dt=dt)
     found = run_sequence(case(), [MAIN, AFTER], rest=1.005, dt=dt)
     assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
     assert len(found.shocks) == 2
@@ -115,10 +115,10 @@ def test_a_shock_begins_with_a_step():
 
 def test_the_whole_has_what_its_shocks_have_in_common():
     one, other = replace(MAIN, units="g", id="A"), replace(AFTER, units="g", id="B", component="HNN")
-    whole = join([one.scaled(2.0), other.scaled(2.0)], [0, 900])
+    whole = one_after_another([one.scaled(2.0), other.scaled(2.0)], [0, 900])
     assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
     assert (whole.component, whole.source) == ("HNE + HNN", "main + after")
-    assert join([one, other.scaled(2.0)], [0, 900]).scale == 1.0
+    assert one_after_another([one, other.scaled(2.0)], [0, 900]).scale == 1.0
 
 
 @pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])

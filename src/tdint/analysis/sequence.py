@@ -18,7 +18,7 @@ from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
-from tdint.ground_motion.joining import at_one_interval, join, samples_of
+from tdint.ground_motion.joining import at_one_interval, one_after_another, samples_of
 from tdint.ground_motion.record import Record
 
 
@@ -43,7 +43,7 @@ class ShockSequence:
     @property
     def whole(self) -> Record:
         """All of them as one record."""
-        return join(self.records, self.starts)
+        return one_after_another(self.records, self.starts)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ def sequence_of(
         if rest is not None:
             begin = last + samples_of(rest, shock.dt)
         else:
-            before = case.under(join(shocks[:number], starts))
+            before = case.under(one_after_another(shocks[:number], starts))
             found, at_rest = until_rest(before, _steps(case, before.record, dt))
             begin = max(math.ceil(found.count * found.stride / found.per_sample), last) + 1  # a sample leads to it
             restless += [] if at_rest else [number]

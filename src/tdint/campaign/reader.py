@@ -11,7 +11,7 @@ from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
-from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions
+from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_wanted_motions
 from tdint.campaign.sweep import Varied, read_sweep
 from tdint.campaign.sweep import positive as _positive
 from tdint.errors import UsageError
@@ -158,7 +158,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         name=section.text("name") or name,
         source=label,
         buildings=found,
-        records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
+        records=(read_wanted_motions(records) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(

@@ -55,7 +55,7 @@ def samples_of(rest: float, dt: float) -> int:
     return max(1, math.ceil(rest / dt * (1.0 - _SAME)))
 
 
-def join(records: Sequence[Record], starts: Sequence[int]) -> Record:
+def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Record:
     """The records, of one sampling interval, as one: each begins at its sample, and zero stands in between.
 
     What the records have in common is that of the whole; of what differs only the sources and components are told.
@@ -113,7 +113,7 @@ class JoinedRecord(Record):
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
             starts.append(starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt))
-        whole = join(shocks, starts)
+        whole = one_after_another(shocks, starts)
         plain = {one.name: getattr(whole, one.name) for one in fields(Record)}
         return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)
 

@@ -55,7 +55,7 @@ MOTIONS = Keys(
 """The keys of `records`, and what may stand under them."""
 
 
-def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
     """Files, sequences, fields or a grid; None after a fault."""
     section = value.section()
     if section is None:
