@@ -82,19 +82,15 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
     ],
 )
 def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run], rest: bool) -> None:
-    """Of every demand and story; none of a run that collapsed. The runs themselves are those without errors."""
+    """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
     assert [row._replace(errors=(), corrected=(), at_rest=0) for row in results.runs] == [
         row._replace(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
-    told = 0
     for row in results.runs:
         run = Run(row.motion, row.scale)
         stories = [one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)]
-        if row.status != "done":
-            assert row.errors == row.corrected == () and all(one.errors == () for one in stories)
-            continue
         response = single(batch(model, method), run, check=True, until_rest=rest)
         own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
         named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
@@ -107,8 +103,7 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
             np.testing.assert_array_equal(
                 [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)
             )
-        told += 1
-    assert told and (model == "ten-story-bilinear" or told < len(runs))
+    assert "collapsed" in {row.status for row in results.runs} or method == "impulse4"
 
 
 @pytest.mark.parametrize("fixed", [0, 1])

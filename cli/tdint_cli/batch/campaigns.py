@@ -320,7 +320,7 @@ def tell_outcomes(store: Store) -> None:
     if repeated := store.count("repeats > 0"):
         note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
-        note(f"no estimated error of {how_many(unknown, 'run')}: collapsed, or a repetition failed; empty cells")
+        note(f"no estimated error of {how_many(unknown, 'run')}: repetitions failed or fell earlier; empty cells")
     if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
         note(f"columns `corrected_` of the CSV: demands of {how_many(corrected, 'run')}, corrected by their errors")
     if moving := store.count("at_rest = 0"):

@@ -116,6 +116,21 @@ def test_steps_over_several_samples():
     assert worst(response.check.corrected.peak_drift, truth.peak_drift, truth.peak_drift) < 0.3 * own
 
 
+def test_a_history_whose_error_another_run_tells():
+    """That of the run with half of the step: against a run with a small step, whole and in pieces."""
+    record = noise(401, 0.02)
+    response = run(ten_bilinear(), record, method="moment4", dt=0.04, check=True, history=True)
+    truth = run(ten_bilinear(), record, method="moment4", dt=0.02 / 16, history=True).history.every(32)
+    assert response.check.dts == (0.02,)
+    for name in ("displacement", "velocity", "drift", "shear"):
+        off = getattr(truth, name) - getattr(response.history, name)
+        np.testing.assert_allclose(
+            getattr(response.history.error, name), off, rtol=0.0, atol=0.02 * np.max(np.abs(off))
+        )
+    pieces = np.concatenate([piece.error.drift for piece in response.pieces(3)])
+    np.testing.assert_array_equal(pieces, response.history.error.drift[::3])
+
+
 def test_where_it_is_not_carried_the_run_is_repeated_and_that_is_said():
     record = noise(201, 0.01)
     damped = run(ten_linear(), record, method="moment4:rho_inf=0.5", check=True)

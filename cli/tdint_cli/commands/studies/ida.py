@@ -149,7 +149,7 @@ class IdaRequest(RecordsRequest):
     "--check",
     is_flag=True,
     help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
-    "corrected_<name>; empty for collapses.",
+    "corrected_<name>.",
 )
 @options.output.output(
     "DIR",

@@ -36,7 +36,7 @@ from functools import partial
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, History, Response, Shock, StoryErrors
+from tdint.analysis.run.outcome import ErrorEstimate, ErrorHistory, FailedRun, History, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 from tdint.arrays import Array
 from tdint.model.building import Building
@@ -100,8 +100,35 @@ def told_by_finer(response: Response, finer_runs: Iterable[Response | FailedRun]
         others.append(other)
         if isinstance(other, Response) and not _too_coarse(other) and _alike(response, other):
             note = f"the error comes from a run with dt {other.dt:.6g} s: {reason}"
-            return replace(response, notes=(*response.notes, note), check=_from_corrected(response, other))
+            told = replace(response, notes=(*response.notes, note), check=_from_corrected(response, other))
+            return _with_history_of(told, other)
     return with_check(_with_note(response, reason), others)
+
+
+def _with_history_of(response: Response, other: Response) -> Response:
+    """The response with the errors of its history that a run with smaller steps tells."""
+    if response.pieces is None or other.pieces is None:
+        return response
+    ratio = round(response.dt / other.dt)
+    history = response.history and _corrected_by(response.history, History.joined(other.pieces(ratio)))
+    return replace(response, history=history, pieces=partial(_corrected_pieces, response.pieces, other.pieces, ratio))
+
+
+def _corrected_pieces(
+    own: Callable[[int], Iterator[History]], others: Callable[[int], Iterator[History]], ratio: int, every: int = 1
+) -> Iterator[History]:
+    return map(_corrected_by, own(every), others(every * ratio))
+
+
+def _corrected_by(own: History, other: History) -> History:
+    """A history with its error, true less computed, where that which another run corrects to is true; at the same
+    times."""
+    assert other.error is not None
+    errors = {
+        one.name: getattr(other, one.name) + getattr(other.error, one.name) - getattr(own, one.name)
+        for one in fields(ErrorHistory)
+    }
+    return replace(own, error=ErrorHistory(**errors))
 
 
 def _with_note(response: Response, reason: str) -> Response:

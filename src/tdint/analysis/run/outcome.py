@@ -269,8 +269,8 @@ class EnergyHistory(EnergyTerms[Array]):
 
 @dataclass(frozen=True)
 class ErrorHistory:
-    """The error that a run has carried along at all steps, true less computed; shape (steps + 1, n), nan where it does
-    not do."""
+    """The error that a run, or one with smaller steps, has carried along at all steps, true less computed; shape
+    (steps + 1, n), nan where none does."""
 
     displacement: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("floor",))]
     velocity: Annotated[Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))]

@@ -225,14 +225,13 @@ class Batch:
         return RunRow(self.number, *job.run, job.steps.h, status, repeats=job.repeats, **cells)
 
     def _take_response(self, job: _Job, response: Response, results: Rows, **more: Any) -> None:
-        """Rows of a run. A building that has collapsed has peaks that mean little, and no errors of them."""
+        """Rows of a run."""
         (cells,) = demand_cells(response.stories)
         cells |= {"energy_error": response.energy.error, "steps": response.steps, **more}
-        check = None if response.collapse else response.check
+        check = response.check
         if check:
             cells["errors"] = demand_errors(response.stories, check.errors)
-        if check and check.corrected:
-            cells["corrected"] = demand_values(check.corrected)
+            cells["corrected"] = demand_values(check.corrected) if check.corrected else ()
         results.runs.append(self._row(job, response.status, response.collapse, **cells))
         if self.settings.keeps_stories:
             results.stories += story_rows(self.number, job.run, response.stories, check)

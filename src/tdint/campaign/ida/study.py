@@ -79,7 +79,7 @@ class IdaSettings:
     until_rest : bool
         Go on after that with the ground at rest until the building is: residual drifts are at rest then.
     check : bool
-        Estimate the errors of the demands of each run that stands.
+        Estimate the errors of the demands of each run.
     """
 
     precision: float = PRECISION
