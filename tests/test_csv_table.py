@@ -182,7 +182,7 @@ def test_cells(tmp_path):
         table.check("c", [True, False, True], "must be even")
     with pytest.raises(ModelError, match=r"t\.csv:5: c must be true or false, got '5'"):
         table.truths("c")
-    with pytest.raises(ModelError, match=r"t\.csv: several b: 2, -3e1, 4; leave one"):
+    with pytest.raises(ModelError, match=r"t\.csv: column b has several values, 2, -3e1, 4: leave"):
         table.only("b")
 
 

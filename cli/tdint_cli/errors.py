@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tdint.errors import TdintError
+from tdint.errors import ModelError, TdintError
 from tdint_cli.settings import Settings
 from tdint_cli.terminal.streams import complain, note, warn
 
@@ -54,8 +54,10 @@ def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
         lines, code = _report(error)
+        # What is wrong with a file is said in the words of the file.
+        said_by = Settings() if code == ModelError.exit_code else settings
         for line in lines:
-            complain(f"Error: {line}")
+            complain(f"Error: {line}", said_by)
         return code
 
 

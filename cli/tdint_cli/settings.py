@@ -19,11 +19,14 @@ class Settings:
         Say nothing but warnings and errors.
     bar : bool
         A progress bar is shown.
+    options : frozenset of str
+        The options of the command that runs, --units and so on.
     """
 
     debug: bool = False
     quiet: bool = False
     bar: bool = False
+    options: frozenset[str] = frozenset()
 
 
 def current() -> Settings:

@@ -104,7 +104,8 @@ class CsvTable:
             return ""
         values = list(dict.fromkeys(self.texts(name)))
         if len(values) > 1:
-            raise self.error(f"{self.source}: several {name}: {', '.join(values[:5])}; leave one of them")
+            several = ", ".join(values[:5])
+            raise self.error(f"{self.source}: column {name} has several values, {several}: leave the rows of one")
         return values[0]
 
     def check(self, name: str, sound: Iterable[bool], must: str) -> None:

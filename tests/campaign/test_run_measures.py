@@ -161,5 +161,5 @@ def test_tables_that_do_not_fit(tmp_path):
     (tmp_path / "measures.csv").write_text("\n".join(lines[:5]) + "\n")
     with pytest.raises(ModelError, match="has no row of a"):
         compare_measures(tmp_path, ["sa", "pgv"])
-    with pytest.raises(ModelError, match="several building"):
+    with pytest.raises(ModelError, match="column building has several values, "):
         compare_measures(folder_of(tmp_path, ("a", "b")), ["sa", "pgv"])

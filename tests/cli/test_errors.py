@@ -55,6 +55,30 @@ def test_an_error_is_a_line_and_a_code(capsys, error, code, text):
     assert "Traceback" not in captured.err
 
 
+def test_the_library_s_words_become_options_where_the_command_has_them(tdint, folder):
+    """A key that a model or campaign file may have is no option, though one of the same name exists elsewhere."""
+    (folder / "motion.csv").write_text("0 0\n0.01 1\n0.02 3\n")
+    (folder / "campaign.yaml").write_text("buildings: {models: [frame.yaml]}\nrecords: {files: [motion.csv]}\n")
+    (folder / "frame.yaml").write_text("stories: [{mass: 1, height: 3, stiffness: 1}]\n")
+    (folder / "feet.yaml").write_text(
+        "units: {length: ft, force: kip}\nstories: [{mass: 1, height: 3, stiffness: 1}]\n"
+    )
+    (folder / "empty.yaml").write_text("name: none\n")
+    alone, many = tdint("info", "motion.csv"), tdint("campaign", "campaign.yaml", "-o", "out")
+    assert (alone.exit_code, many.exit_code) == (4, 4)
+    assert "with --units g, cm/s^2 or m/s^2" in alone.stderr
+    assert "with `units: g`, cm/s^2 or m/s^2" in many.stderr
+    assert "add mass to `units` (" in tdint("run", "feet.yaml", "motion.csv").stderr
+    assert "buildings: is missing; give `models` or an `inventory`" in tdint("campaign", "empty.yaml", "-o", "o").stderr
+
+
+@pytest.mark.parametrize(("given", "hint"), [("5", True), ("500", False)])
+def test_a_percentage_is_proposed_only_where_it_would_do(tdint, given, hint):
+    result = tdint("spectrum", "motion.mseed", "--damping", given)
+    assert result.exit_code == 2
+    assert (f"did you mean {given}%?" in result.stderr) == hint
+
+
 def test_debug_adds_the_traceback(capsys):
     assert exit_code_of(raises(errors.RecordError("no")), Settings(debug=True)) == 4
     text = capsys.readouterr().err

@@ -580,7 +580,7 @@ def test_runs_of_several_buildings_are_no_fragility(folder, tdint):
     (folder / "runs.csv").write_text("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n")
     result = tdint("fragility", ".", "--threshold", "3%")
     assert result.exit_code == 3
-    assert "runs.csv: several building: a, b; leave one of them" in result.stderr
+    assert "runs.csv: column building has several values, a, b: leave the rows of one" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -623,7 +623,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
         ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
         ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2, "has no column threshold: one --threshold at most"),
         ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2, "has no threshold 0.02; there are 0.1"),
-        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "several im_name: pga, pgv"),
+        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name has several values, pga, pgv"),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
         ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2, "LOW must be below HIGH"),
         ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2, "--edp-range is for --fit cloud"),

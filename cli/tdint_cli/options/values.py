@@ -50,7 +50,7 @@ class Ratio(Number):
         try:
             return super().convert(ratio, param, ctx)
         except click.BadParameter as error:
-            if ratio >= 1.0 and "%" not in value:
+            if 1.0 <= ratio < 100.0 and "%" not in value:
                 self.fail(f"{error.message.rstrip('.')}; did you mean {value}%?", param, ctx)
             raise
 

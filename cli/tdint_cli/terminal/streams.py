@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from tdint.errors import OutputError, abridged
-from tdint_cli.settings import current, is_quiet
+from tdint_cli.settings import Settings, current, is_quiet
 
 _EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
@@ -73,23 +73,29 @@ def warn(text: str) -> None:
     complain(f"Warning: {text}")
 
 
-def complain(text: str) -> None:
-    """Write a line to standard error whatever was asked; without one there is nobody to tell."""
+def complain(text: str, settings: Settings | None = None) -> None:
+    """Write a line to standard error whatever was asked; without one there is nobody to tell.
+
+    What the library calls `skip_lines=1` is --skip-lines 1 where the command has that option, else a key of a file.
+    """
     if sys.stderr is None:
         return
+    settings = settings or current()
+    text = _SETTING.sub(lambda match: _option(match, settings.options), text)
     try:
-        over_the_bar = _EMPTY_LINE if current().bar else ""
-        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(_SETTING.sub(_option, text)))}\n")
+        over_the_bar = _EMPTY_LINE if settings.bar else ""
+        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(text))}\n")
         sys.stderr.flush()
     except OSError:
         pass
 
 
-def _option(match: re.Match[str]) -> str:
-    """What the library calls `skip_lines=1`, as the command has it."""
+def _option(match: re.Match[str], options: frozenset[str]) -> str:
     name, value = match.groups()
-    quoted = f" {shlex.quote(value)}" if value else ""
-    return f"--{name.replace('_', '-')}{quoted}"
+    option = f"--{name.replace('_', '-')}"
+    if option not in options:
+        return f"`{name}: {value}`" if value else match[0]
+    return f"{option} {shlex.quote(value)}" if value else option
 
 
 def say_table(rows: Sequence[Sequence[str]]) -> None:
