@@ -24,9 +24,8 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import carry_out, compile_for, threads
-from tdint.campaign.draws import EveryMotion
-from tdint.campaign.engine.task import RunSettings
-from tdint.campaign.levels import Scales
+from tdint.campaign.engine.runs import RunSettings
+from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import open_store
 from tdint.ground_motion.reading.suites import suite_motions

@@ -12,7 +12,7 @@ import math
 from pathlib import Path
 
 from tdint import load_model
-from tdint.analysis.chart.opensees import openseespy_points
+from tdint.analysis.chart.peers import openseespy_points
 from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.work_precision import measure
 from tdint.methods.catalogue import parse

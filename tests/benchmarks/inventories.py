@@ -21,7 +21,7 @@ import tdint
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.engine.batch import Batch, spectral_accelerations
-from tdint.campaign.engine.task import Run, RunSettings
+from tdint.campaign.engine.runs import Run, RunSettings
 from tdint.model.definition import Model
 from tdint.model.inventory.derive import derive_row, model_text
 from tdint.model.inventory.mdof_lu import BuildingFacts

@@ -20,9 +20,8 @@ from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.run import Subject, model_record
 from tdint.analysis.run.steps import choose_steps
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Run, RunSettings
-from tdint.campaign.engine.tolerance import building_step
+from tdint.campaign.engine.batch import Batch, building_step
+from tdint.campaign.engine.runs import Run, RunSettings
 from tdint.methods.catalogue import catalogue, parse
 
 sys.path.append(str(Path(__file__).parents[1]))

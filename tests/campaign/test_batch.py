@@ -15,8 +15,7 @@ from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow, demand_errors
-from tdint.campaign.engine.task import REPEATS, Run, RunSettings
+from tdint.campaign.engine.runs import REPEATS, Run, RunRow, RunSettings, demand_errors
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 

@@ -15,7 +15,7 @@ import pytest
 from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.runs import RunRow
 from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, below_collapse, fractiles
 from tdint.campaign.ida.damage import Mainshock
 from tdint.campaign.ida.study import STORE, IdaSettings, ida

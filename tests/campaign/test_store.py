@@ -14,14 +14,12 @@ from hypothesis import strategies as st
 from tdint import spectrum, system
 from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import given_buildings
-from tdint.campaign.carry_out import Advance
-from tdint.campaign.draws import EveryMotion
+from tdint.campaign.carry_out import Advance, merge
 from tdint.campaign.engine.batch import do, spectral_accelerations
-from tdint.campaign.engine.task import RunSettings
-from tdint.campaign.levels import GivenFactors
+from tdint.campaign.engine.runs import RunSettings
+from tdint.campaign.motions import EveryMotion, GivenFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.connection import refuse_network
-from tdint.campaign.store.merge import merge
 from tdint.campaign.store.store import open_store
 from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.reading.suites import suite_motions

@@ -11,9 +11,9 @@ import pytest
 import tdint
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.engine.task import RunSettings
+from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.inputs import Inputs, suite_motions
-from tdint.campaign.levels import Scales
+from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
@@ -50,7 +50,7 @@ def stored(models, records, scales=(1.0,)):
     motions = suite_motions(records)
     files = ModelFiles(()), RecordFiles((), RecordChoice())
     campaign = CampaignFile("sweep", "sweep", *files, Scales(scales), AnalysisWishes(), RunSettings(profiles=True))
-    plan = make_plan(campaign, Inputs(tuple(models), motions=motions))
+    plan = make_plan(campaign, Inputs(tuple(models), motions=FoundMotions(motions)))
     store, _ = open_store(None, plan)
     carry_out(plan, store, threads(1))
     return store

@@ -12,10 +12,8 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import Rows
-from tdint.campaign.engine.task import Run, RunSettings
-from tdint.campaign.engine.tolerance import building_step
+from tdint.campaign.engine.batch import Batch, building_step
+from tdint.campaign.engine.runs import Rows, Run, RunSettings
 
 SHIPPED = [
     tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tdint.campaign.engine.task import RunSettings
+from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
-from tdint.campaign.levels import MeasureLevels, Scales
+from tdint.campaign.motions import MeasureLevels, Scales
 from tdint.campaign.sweep import ParameterSweep
 from tdint.ground_motion.pairing import PairNames
 from tdint.ground_motion.processing import RecordChoice
@@ -89,7 +89,7 @@ class GridFile:
     seed : int
         What is drawn from, with the building's id.
     distance : str
-        As of `tdint.campaign.draws.COORDINATES`.
+        As of `tdint.campaign.motions.COORDINATES`.
     events : bool
         Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
     """
@@ -118,7 +118,7 @@ class FieldFile:
     sites : str or None
         The CSV file of the sites' places; None: the inventory names the site of each building.
     distance : str
-        As of `tdint.campaign.draws.COORDINATES`: by which the nearest site is found.
+        As of `tdint.campaign.motions.COORDINATES`: by which the nearest site is found.
     """
 
     file: str

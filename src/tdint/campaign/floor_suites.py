@@ -12,7 +12,7 @@ import numpy as np
 from tdint.analysis.run.run import Subject, run_case
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
-from tdint.campaign.engine.task import Run
+from tdint.campaign.engine.runs import Run
 from tdint.campaign.plan import Plan
 from tdint.campaign.profiles import suite_levels
 from tdint.campaign.store.store import Store

@@ -20,7 +20,7 @@ import numpy as np
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.campaign.definition import FieldFile, GridFile
-from tdint.campaign.draws import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion
+from tdint.campaign.motions import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.campaign import draws
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
@@ -22,10 +21,17 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
-from tdint.campaign.draws import Assignment, FieldDraws, FieldMotions, FoundMotions, GridDraws, GridMotions
 from tdint.campaign.fragility.type_states import ClassDamage, read_class_damage
 from tdint.campaign.grid_files import read_field, read_grid
-from tdint.campaign.levels import FactorTable
+from tdint.campaign.motions import (
+    Assignment,
+    FactorTable,
+    FieldDraws,
+    FieldMotions,
+    FoundMotions,
+    GridDraws,
+    GridMotions,
+)
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.joining import JoinedRecord
@@ -51,7 +57,7 @@ class Inputs:
         Of model files, with what the campaign says of all buildings.
     rows : tuple of InventoryRow
         Of an inventory.
-    motions : tuple of SuiteMotion
+    motions : FoundMotions
         The ground motions.
     assignment : Assignment or None
         Which of them each building gets; None: all.
@@ -59,20 +65,17 @@ class Inputs:
         The factors on them, if a file has them.
     damage : ClassDamage
         Damage states and loss ratios by class, if files have them.
-    failures : tuple of TdintError
-        Records and rows of an inventory that could not be used; the others are taken.
-    notes : tuple of str
-        What a person should know.
+    faults : tuple of ModelError
+        Rows of an inventory that could not be used; the others are taken.
     """
 
     models: tuple[Model, ...] = ()
     rows: tuple[InventoryRow, ...] = ()
-    motions: tuple[SuiteMotion, ...] = ()
+    motions: FoundMotions = field(default_factory=FoundMotions)
     assignment: Assignment | None = None
     factors: FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
-    failures: tuple[TdintError, ...] = ()
-    notes: tuple[str, ...] = ()
+    faults: tuple[ModelError, ...] = ()
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
@@ -109,12 +112,11 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     return Inputs(
         models,
         rows,
-        found.motions,
+        found,
         _assignment(campaign, found.places, rows, len(models)),
         factors,
-        damage=read_class_damage(campaign.damage),
-        failures=(*found.failures, *faults),
-        notes=found.notes,
+        read_class_damage(campaign.damage),
+        faults,
     )
 
 
@@ -205,9 +207,7 @@ def _assignment(
         return None
     if isinstance(found, GridMotions):
         assert isinstance(wanted, GridFile)
-        here, there = (draws.coordinates(places, wanted.distance) for places in (draws.places_of(rows), found.places))
-        chosen = (wanted.neighbors, wanted.samples, wanted.seed, wanted.distance)
-        return GridDraws([row.id for row in rows], here, there, found.motions, *chosen)
+        return GridDraws(rows, found, wanted)
     if found.sites == ("",):
         return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
     if found.places:

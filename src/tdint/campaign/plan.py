@@ -18,13 +18,11 @@ from numpy.typing import NDArray
 from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import Buildings, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile
-from tdint.campaign.draws import Assignment, Draw, EveryMotion
-from tdint.campaign.engine.batch import Chunk
-from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source
-from tdint.campaign.engine.tolerance import building_step
+from tdint.campaign.engine.batch import Chunk, building_step
+from tdint.campaign.engine.runs import BuildingRuns, Run, RunSettings, Source
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
-from tdint.campaign.levels import GivenFactors, Levels, MeasureLevels, Scales
+from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -239,7 +237,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     UsageError
         A time step that does not fit.
     """
-    notes = list[str]()
+    found, notes = inputs.motions, list[str]()
     buildings = _buildings(campaign, inputs, notes)
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     if damage and not campaign.settings.until_rest and any("residual" in one.demand for one in damage.types.values()):
@@ -247,12 +245,12 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
-        motions=inputs.motions,
-        assignment=inputs.assignment or EveryMotion(len(inputs.motions)),
+        motions=found.motions,
+        assignment=inputs.assignment or EveryMotion(len(found.motions)),
         levels=_levels(campaign, inputs),
         settings=campaign.settings,
-        failures=inputs.failures,
-        notes=(*notes, *inputs.notes),
+        failures=(*found.failures, *inputs.faults),
+        notes=(*notes, *found.notes),
         damage=damage,
     )
     plan.check_steps()
@@ -297,6 +295,6 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
     if isinstance(wanted, Scales):
         return wanted
     if isinstance(wanted, MeasureLevels):
-        return replace(wanted, motions=inputs.motions)
+        return replace(wanted, motions=inputs.motions.motions)
     assert inputs.factors is not None
-    return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions)})
+    return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions.motions)})

@@ -18,7 +18,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import STORY
 from tdint.arrays import Array
-from tdint.campaign.engine.task import Run
+from tdint.campaign.engine.runs import Run
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles

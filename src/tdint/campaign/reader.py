@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, InventoryFile, ModelFiles, RecordFiles
-from tdint.campaign.engine.task import RunSettings
+from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
-from tdint.campaign.levels import MeasureLevels, Scales
+from tdint.campaign.motions import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
 from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_wanted_motions
 from tdint.campaign.sweep import Varied, read_sweep

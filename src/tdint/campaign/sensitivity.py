@@ -13,11 +13,9 @@ from tdint.analysis.given import record_of
 from tdint.arrays import Array
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.draws import FoundMotions
-from tdint.campaign.engine.rows import RUN
-from tdint.campaign.engine.task import RunSettings
+from tdint.campaign.engine.runs import RUN, RunSettings
 from tdint.campaign.inputs import Inputs
-from tdint.campaign.levels import Scales
+from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store.store import Store, open_store
 from tdint.errors import UsageError
@@ -164,7 +162,7 @@ def sensitivity(
     """
     building = model_of(model)
     given = records if isinstance(records, list | tuple) else [records]
-    motions = FoundMotions(suite_motions([record_of(one) for one in given]), ())
+    motions = FoundMotions(suite_motions([record_of(one) for one in given]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
         carry_out(plan, store, threads(jobs or processors()))
@@ -180,9 +178,7 @@ def plan_of(
     dt: float | None,
 ) -> Plan:
     """The runs of the buildings that `one_at_a_time` gives under some motions."""
-    inputs = Inputs(
-        one_at_a_time(model, ranges), motions=motions.motions, failures=motions.failures, notes=motions.notes
-    )
+    inputs = Inputs(one_at_a_time(model, ranges), motions=motions)
     files, scales = (ModelFiles((model.source,)), RecordFiles((), RecordChoice())), Scales((1.0,))
     wishes = AnalysisWishes(method and parse(method).label)
     return make_plan(CampaignFile(model.name, model.source, *files, scales, wishes, RunSettings(dt)), inputs)

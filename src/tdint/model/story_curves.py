@@ -188,5 +188,4 @@ _KINDS: dict[str, tuple[Callable[[Array, Array, float], Corners], Callable[[Arra
     "trilinear": (partial(_broken_line, (0.4, 1.0), True), _trilinear_law),
     "multilinear": (_multilinear, _multilinear_law),
 }
-KINDS = tuple(_KINDS)
 """The laws that curves are fitted by."""

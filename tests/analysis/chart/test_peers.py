@@ -9,11 +9,10 @@ from importlib.util import find_spec
 import pytest
 
 from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
-from tdint.analysis.chart import opensees as opensees_peer
 from tdint.analysis.chart import opensees_worker
+from tdint.analysis.chart import peers as opensees_peer
 from tdint.analysis.chart import peers as scipy_peer
-from tdint.analysis.chart.opensees import openseespy_points
-from tdint.analysis.chart.peers import solve_ivp_points, with_peers
+from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers
 from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.reference import Errors, Reference, find_reference
 from tdint.analysis.chart.work_precision import measure

@@ -15,7 +15,7 @@ from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Run, RunSettings
+from tdint.campaign.engine.runs import Run, RunSettings
 
 MOVES = "the building still moves at the end, the drift of story"
 

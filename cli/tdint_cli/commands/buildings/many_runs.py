@@ -67,10 +67,9 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, ModelFiles, RecordFiles
-    from tdint.campaign.draws import FoundMotions
-    from tdint.campaign.engine.task import RunSettings
+    from tdint.campaign.engine.runs import RunSettings
     from tdint.campaign.inputs import Inputs, read_factors, read_motions
-    from tdint.campaign.levels import Scales
+    from tdint.campaign.motions import FoundMotions, Scales
     from tdint.campaign.plan import make_plan
 
     of_file = FactorsFile(request.factors) if request.factors is not None else None
@@ -86,9 +85,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
             request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
         ),
     )
-    found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model), ())
-    inputs = Inputs((model,), motions=found.motions, factors=table, failures=found.failures, notes=found.notes)
-    return make_plan(campaign, inputs)
+    found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model))
+    return make_plan(campaign, Inputs((model,), motions=found, factors=table))
 
 
 def _motions_of_model(request: Request, model: Model) -> tuple[SuiteMotion, ...]:

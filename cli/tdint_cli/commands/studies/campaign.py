@@ -199,8 +199,8 @@ def _merge(request: CampaignRequest) -> None:
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
+    from tdint.campaign.carry_out import merge
     from tdint.campaign.store.connection import locked
-    from tdint.campaign.store.merge import merge
 
     target = Path(request.output)
     with locked(target):

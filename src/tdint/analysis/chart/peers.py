@@ -4,20 +4,203 @@ which choose their own steps.
 
 from __future__ import annotations
 
+import io
+import json
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from tdint.analysis.chart.opensees import openseespy_points
+from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
-from tdint.analysis.chart.work_precision import DONE, Chart, Point, Progress, silent
+from tdint.analysis.chart.work_precision import DONE, Chart, Point, Progress, line_of, silent
+from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
 from tdint.kernels import layout as at
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
 from tdint.model.laws import CODES
+
+_REPEATS = 3
+_MINUTES = 5.0  # after which the process is ended
+_SAME = 1e-9
+
+
+_OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
+    "newmark-average": lambda _: ("Newmark", 0.5, 0.25),
+    "hht": lambda alpha: ("HHT", 1.0 + alpha),
+    "generalized-alpha": lambda rho: ("GeneralizedAlpha", (2.0 - rho) / (1.0 + rho), 1.0 / (1.0 + rho)),
+}
+"""Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of the end of the step
+instead of the start."""
+
+
+ITERATED = (
+    "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the forces of the weighted "
+    "time with the acceleration at the end of the step; its error falls with order 1, and its iterations converge by "
+    "(1 - alpha_m) / alpha_m (shown by tests/benchmarks/opensees_generalized_alpha.py)"
+)
+"""What is said of a chart where steps take more than one solve."""
+
+
+def openseespy_points(
+    problem: Problem, dts: Sequence[float], reference: Reference, *, repeats: int = _REPEATS
+) -> tuple[list[Point], list[str]]:
+    """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and generalized-alpha.
+
+    The parameters are those that ours have by default. The building is the same: a zeroLength element per story
+    (Elastic, Steel01, beside it Viscous for dashpots), Rayleigh damping from the initial stiffness, the record as a
+    Path, the acceleration of equilibrium at the start; Newton's method (Linear in linear buildings) until the
+    unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of `analyze` alone. Peaks are
+    those at the steps.
+    """
+    reason = _unsupported(problem)
+    if reason:
+        return [], [f"openseespy is left out: {reason}"]
+    runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
+    runs.sort(key=lambda run: run[1].count)  # if time is up, the dearest ones are missing
+    answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS))
+    if why:
+        return [], [f"openseespy is left out: {why}"]
+    done = int(answer["done"])
+    points = [_point(problem, run, answer, number, reference) for number, run in enumerate(runs[:done])]
+    order = [f"openseespy/{name}" for name in _OPENSEES]
+    points.sort(key=lambda point: (order.index(point.line), -point.dt))
+    missing = len(runs) - done
+    notes = (
+        [f"openseespy: {missing} of {len(runs)} runs, those with the smallest steps, take too long"] if missing else []
+    )
+    if points and not _one_solve(problem):
+        notes.append(ITERATED)
+    return points, notes
+
+
+def _unsupported(problem: Problem) -> str:
+    """Why OpenSees is not given this building; nothing if it can do it."""
+    building = problem.building
+    supported = [CODES[name] for name in ("linear", "bilinear")]
+    if not np.all(np.isin(building.law_parameters[at.CODE, :-1], supported)):
+        return "a story's law is neither linear nor bilinear"
+    if np.any(building.linear_terms[at.GEOMETRIC]):
+        return "the model has P-delta"
+    if len(building.modal):
+        return "the model has modal damping"
+    if _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass) is None:
+        return "dampers from the floors to the ground are not in proportion to the masses"
+    return ""
+
+
+def _proportion(values: Array, other: Array) -> float | None:
+    """values / other where that is one number."""
+    ratios = values / other
+    return float(ratios[0]) if np.ptp(ratios) <= _SAME * np.max(np.abs(ratios)) else None
+
+
+def _one_solve(problem: Problem) -> bool:
+    """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a single one does not
+    do."""
+    building = problem.building
+    dampers, stiffness = building.linear_terms[at.STORY_DAMPER, :-1], building.law_parameters[at.STIFFNESS, :-1]
+    return building.linear and _proportion(dampers, stiffness) is not None
+
+
+def _ask(
+    problem: Problem, runs: Sequence[tuple[Integrator, Steps]], reference: Reference, repeats: int
+) -> tuple[dict[str, Any], str]:
+    """The worker's answer, and why there is none."""
+    jobs = [
+        {
+            "integrator": _OPENSEES[integrator.method.name](next(iter(integrator.values), math.nan)),
+            "h": steps.h,
+            "steps": steps.count,
+            "per_sample": steps.per_sample,
+            "repeats": repeats,
+        }
+        for integrator, steps in runs
+    ]
+    stream = io.BytesIO()
+    np.savez(stream, runs=np.array(json.dumps(jobs)), **_arrays(problem, reference))
+    command = [sys.executable, "-P", "-m", opensees_worker.__name__]
+    try:
+        done = subprocess.run(command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES)
+    except (OSError, subprocess.TimeoutExpired):
+        return {}, "its process did not start or did not end"
+    if done.returncode == opensees_worker.NOT_INSTALLED:
+        return {}, "it is not installed (pip install 'tdint[peers]')"
+    if done.returncode == opensees_worker.NOT_LOADED:
+        why = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        return {}, f"it cannot be loaded ({' '.join(why)})"
+    try:
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as content:
+            return dict(content), ""
+    except (ValueError, OSError, EOFError):
+        return {}, f"its process ended with code {done.returncode}"
+
+
+def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
+    building = problem.building
+    stiffness = building.law_parameters[at.STIFFNESS, :-1]
+    bilinear = building.law_parameters[at.CODE, :-1] == CODES["bilinear"]
+    parameters = np.full((2, building.stories), math.nan)
+    if bilinear.any():
+        parameters[:, bilinear] = building.law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
+    dampers = building.linear_terms[at.STORY_DAMPER, :-1]
+    beta = _proportion(dampers, stiffness)
+    return {
+        "mass": building.mass,
+        "stiffness": stiffness,
+        "yield_force": parameters[0],
+        "hardening": parameters[1],
+        "alpha_mass": np.array(_proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)),
+        "beta_stiffness": np.array(0.0 if beta is None else beta),
+        "dashpot": dampers if beta is None else np.zeros_like(dampers),
+        "forces": problem.forces,
+        "ground": problem.ground,
+        "interval": np.array(problem.interval),
+        "one_solve": np.array(_one_solve(problem)),
+        "u_start": problem.displacement,
+        "v_start": problem.velocity,
+        "a_start": _start_acceleration(problem),
+        "largest": np.array(np.max(building.mass * np.abs(reference.motion.acceleration))),
+    }
+
+
+def _start_acceleration(problem: Problem) -> Array:
+    """Acceleration of equilibrium at t = 0 relative to the ground, m/s^2."""
+    building = problem.building
+    force = -building.damping_matrix() @ problem.velocity - building.stiffness_matrix() @ problem.displacement
+    for row in problem.forces:
+        force[int(row[at.FLOOR])] += row[at.COSINE]
+    return np.asarray(force / building.mass - problem.ground[0])
+
+
+def _point(
+    problem: Problem, run: tuple[Integrator, Steps], answer: dict[str, Any], number: int, reference: Reference
+) -> Point:
+    """The point that a run is."""
+    integrator, steps = run
+    got = {name.partition("_")[2]: value for name, value in answer.items() if name.startswith(f"{number}_")}
+    name, line = f"openseespy/{integrator.label}", f"openseespy/{line_of(integrator)}"
+    outcome = str(got["outcome"])
+    if outcome != DONE:
+        return Point(name, steps.h, steps.count, outcome, line=line)
+    u, v, a = got["motion"]
+    ground = np.interp(
+        problem.interval * steps.stride * np.arange(len(u)),
+        problem.interval * np.arange(problem.ground.size + 1),
+        np.append(problem.ground, 0.0),
+    )
+    motion = FloorMotion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
+    times = tuple(got["times"].tolist())
+    found = errors(motion, reference.motion)
+    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found, times, line=line)
+
 
 Rate = Callable[[float, Array], Array]
 

@@ -9,28 +9,107 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import chain, islice, zip_longest
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import Case, doubtful, until_rest, windows
-from tdint.analysis.run.error_estimate import checked_run
+from tdint.analysis.run.error_estimate import attempt, checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.run import Subject
+from tdint.analysis.run.step_choice import step_within
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
-from tdint.campaign.engine.rows import Rows, RunRow, demand_cells, demand_errors, demand_values, shock_rows, story_rows
-from tdint.campaign.engine.task import REPEATS, BuildingRuns, Run, RunSettings
+from tdint.campaign.engine.runs import (
+    REPEATS,
+    BuildingRuns,
+    Rows,
+    Run,
+    RunRow,
+    RunSettings,
+    demand_cells,
+    demand_errors,
+    demand_values,
+    shock_rows,
+    story_rows,
+)
 from tdint.errors import AnalysisError
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.kernels.march import many as lanes
+
+Item = TypeVar("Item")
+
+_FEWEST, _MOST = 4, 8
+"""Runs whose errors are looked at: a quarter of them, within these bounds."""
+
+_TRIED = 24
+"""Runs that are tried for that: where the building collapses nothing says how far off a step is."""
+
+
+def building_step(
+    subject: Subject, records: Mapping[int, Record], runs: Sequence[Run], settings: RunSettings, tolerance: float
+) -> float | None:
+    """The largest step (s) with which the peak drifts of a building are within a tolerance under some of its runs, by
+    the estimate of `tdint.analysis.run.step_choice`; None if there is none. It is chosen once for all of its runs.
+
+    What a step errs by hangs on the motion as much as on the building: one motion, be it the strongest, tells little of
+    the others. So the runs that are looked at are spread over motions and scales, and the smallest of their steps is
+    taken.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All runs of the building.
+    """
+    step, looked_at = math.inf, 0
+    enough = min(max(_FEWEST, len(runs) // 4), _MOST)
+    for run in islice(_spread_runs(records, runs), _TRIED):
+        record = records[run.motion].scaled(run.scale)
+        case = subject.case(record)
+        if isinstance(record, JoinedRecord):
+            case = case.under(sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole)
+        first = attempt(case, case.steps(settings.dt, settings.duration))
+        if isinstance(first, Response) and first.collapse:
+            continue
+        try:
+            step = step_within(case, tolerance, dt=settings.dt, duration=settings.duration, largest=step)
+        except FailedRun:
+            continue
+        looked_at += 1
+        if looked_at == enough:
+            break
+    return step if looked_at else None
+
+
+def _spread_runs(records: Mapping[int, Record], runs: Sequence[Run]) -> Iterator[Run]:
+    """All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle."""
+    of_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        of_motion.setdefault(run.motion, []).append(run)
+    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
+    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
+    return (run for run in chain.from_iterable(rounds) if run is not None)
+
+
+def _spread(items: Sequence[Item]) -> Iterator[Item]:
+    """The item in the middle, those in the middle of either half, and so on."""
+    parts = deque([items])
+    while parts:
+        part = parts.popleft()
+        if part:
+            middle = len(part) // 2
+            yield part[middle]
+            parts += [part[:middle], part[middle + 1 :]]
+
 
 _REPEATED = ("not-converged", "diverged")
 

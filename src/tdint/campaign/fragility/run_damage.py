@@ -22,8 +22,7 @@ from scipy.special import ndtr
 
 from tdint.analysis.run.outcome import StoryPeaks
 from tdint.arrays import Array
-from tdint.campaign.engine.rows import RUN, demand_cells
-from tdint.campaign.engine.task import Run
+from tdint.campaign.engine.runs import RUN, Run, demand_cells
 from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import level_ranks, motion_numbers
 from tdint.campaign.store.store import Store

@@ -17,8 +17,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RUN_WITH_ERROR, RunRow
-from tdint.campaign.engine.task import Run
+from tdint.campaign.engine.runs import RUN_WITH_ERROR, Run, RunRow
 from tdint.ground_motion.record import Record
 
 DONE = "done"

@@ -16,8 +16,7 @@ from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import GivenBuilding
 from tdint.campaign.engine.batch import Batch, Done
-from tdint.campaign.engine.rows import Rows, RunRow
-from tdint.campaign.engine.task import Run, RunSettings
+from tdint.campaign.engine.runs import Rows, Run, RunRow, RunSettings
 from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, run_level
 from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
 from tdint.campaign.store.connection import locked

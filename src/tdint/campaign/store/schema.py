@@ -15,7 +15,7 @@ from itertools import chain
 from typing import Any
 
 from tdint.analysis.run.outcome import STORY
-from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, RunRow
+from tdint.campaign.engine.runs import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, RunRow
 from tdint.campaign.store.connection import UntrustedStoreError
 from tdint.quantity import Quantity
 
@@ -124,7 +124,7 @@ SHOCKS = RowTable(
     "shocks",
 )
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
-"""In the order of the fields of `tdint.campaign.engine.rows.Rows`."""
+"""In the order of the fields of `tdint.campaign.engine.runs.Rows`."""
 
 
 TABLES = (

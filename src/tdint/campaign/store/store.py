@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from tdint.campaign.engine.batch import Done
-from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.runs import RunRow
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import schema
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint.campaign.definition import FieldFile, GridFile, RecordFiles, SequenceFile
-from tdint.campaign.draws import COORDINATES
+from tdint.campaign.motions import COORDINATES
 from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.ground_motion.processing import RecordChoice
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_choice

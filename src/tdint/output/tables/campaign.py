@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.campaign.engine.runs import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.model.definition import PARAMETERS
 from tdint.output.tables.responses import STORY, STORY_CORRECTED, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM

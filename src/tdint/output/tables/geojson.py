@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.campaign.engine.rows import RUN
+from tdint.campaign.engine.runs import RUN
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
 from tdint.campaign.store.schema import RUNS
 from tdint.output.tables.campaign import carried_columns, numeric
@@ -19,7 +19,7 @@ from tdint.output.tables.table import names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.campaign.engine.task import Run
+    from tdint.campaign.engine.runs import Run
     from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store.store import Store
 
@@ -55,7 +55,7 @@ def is_mapped(store: Store) -> bool:
 
 
 def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
-    from tdint.campaign.engine.task import Run
+    from tdint.campaign.engine.runs import Run
     from tdint.campaign.profiles import SuiteRules
 
     titles = [title.lower() for title in store.inventory_columns()]

@@ -7,7 +7,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import RUN
+from tdint.campaign.engine.runs import RUN
 from tdint.output.tables.campaign import SAMPLE, numeric, run_columns, run_rows, story_columns, story_rows
 from tdint.output.tables.damage_states import damage_rows, damage_table_columns
 from tdint.output.tables.table import TEXT, Column

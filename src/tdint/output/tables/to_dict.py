@@ -29,7 +29,7 @@ from tdint.analysis.spectra.rotated import RotatedSpectrum
 from tdint.analysis.static.cyclic import CyclicTest
 from tdint.analysis.static.pushover import Pushover
 from tdint.campaign.carry_out import CampaignRuns
-from tdint.campaign.engine.rows import DEMANDED, demand_errors, demand_values
+from tdint.campaign.engine.runs import DEMANDED, demand_errors, demand_values
 from tdint.campaign.fragility.fit_table import FragilityResult
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.ida.study import IdaStudy

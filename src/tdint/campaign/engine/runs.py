@@ -1,18 +1,92 @@
-"""What is kept of a run: a row of numbers, and one for each story if that is asked for."""
+"""What is run, a building with its method under ground motions, and what is kept of it: a row of numbers for each run,
+and one for each story if that is asked for."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from tdint.analysis.run.demands import DECLARED, Demands, DemandsOfRuns, Largest
 from tdint.analysis.run.outcome import STORY, ErrorEstimate, Shock, StoryErrors, StoryPeaks, StoryValues
-from tdint.campaign.engine.task import Run
+from tdint.analysis.run.run import Subject
 from tdint.quantity import Quantity, quantities
+
+REPEATS = 3
+"""How often a run that failed is repeated, each time with half of the step before."""
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What is the same for all runs of a campaign.
+
+    Attributes
+    ----------
+    dt, duration : float or None
+        Time step and duration, s; None: those of the building's model, else those of the record.
+    until_rest : bool
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`).
+    stories, profiles : bool
+        Keep the peaks of every story, too: to write them, or what they are over the motions.
+    check : bool
+        Estimate the errors of the demands of each run, as `tdint.run` does.
+    tolerance : float or None
+        The step of a building is such that the estimated errors of its peak drifts are within this part of them.
+    """
+
+    dt: float | None = None
+    duration: float | None = None
+    until_rest: bool = False
+    stories: bool = False
+    tolerance: float | None = None
+    profiles: bool = False
+    check: bool = False
+
+    @property
+    def keeps_stories(self) -> bool:
+        """Whether the peaks of stories are kept."""
+        return self.stories or self.profiles
+
+
+class Source(Protocol):
+    """What makes a building: the building itself, or a row of an inventory with its rules."""
+
+    def subject(self) -> Subject:
+        """The building."""
+
+
+class Run(NamedTuple):
+    """A ground motion by its number, the factor on it, and which of a building's draws it is (0: none was drawn)."""
+
+    motion: int
+    scale: float
+    sample: int = 0
+
+
+class BuildingRuns(NamedTuple):
+    """Runs of one building.
+
+    Attributes
+    ----------
+    number : int
+        Of the building in its campaign.
+    source : Source
+        What makes it.
+    runs : tuple of Run
+        The runs.
+    largest : float or None
+        Their largest step for a tolerance, s; None if no step is within it.
+    """
+
+    number: int
+    source: Source
+    runs: tuple[Run, ...]
+    largest: float | None = math.inf
+
 
 HIDDEN: tuple[str, ...] = ()
 """Where a quantity appears that only the store has."""

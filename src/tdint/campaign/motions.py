@@ -1,0 +1,350 @@
+"""The ground motions of a campaign: which of them each building gets, all or draws among those near it, and how strong
+they are made, by factors that are given or found from a measure of intensity.
+
+Draws are by nearest neighbors, as in the regional workflow of SimCenter.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tdint.arrays import Array
+from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
+from tdint.errors import ModelError, TdintError
+from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.model.inventory.table import InventoryRow
+
+if TYPE_CHECKING:
+    from tdint.campaign.definition import GridFile
+
+
+class Draw(NamedTuple):
+    """A motion by its number that a building gets, the number of the draw (0 where nothing is drawn), and the factor
+    that the motion has where it is drawn."""
+
+    motion: int
+    sample: int
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class FieldMotions:
+    """Ground motions of events at sites.
+
+    Attributes
+    ----------
+    events : tuple of str
+        The events, which are numbered from 1.
+    sites : tuple of str
+        The sites.
+    motions : tuple of tuples of Draw
+        Of each site the motions there; the number of a draw is that of its event.
+    places : sequence of tuples of two floats
+        Longitude and latitude of the sites, degrees; empty where buildings name theirs.
+    """
+
+    events: tuple[str, ...]
+    sites: tuple[str, ...] = field(repr=False)
+    motions: tuple[tuple[Draw, ...], ...] = field(repr=False)
+    places: Sequence[tuple[float, float]] = field(default=(), repr=False)
+
+    def nearest(self, rows: Sequence[InventoryRow], distance: str) -> NDArray[np.int64]:
+        """Of each building, all of which have a place, the number of the nearest site."""
+        here, there = (coordinates(places, distance) for places in (places_of(rows), self.places))
+        return np.asarray(cKDTree(there).query(here)[1], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class FieldDraws:
+    """Each building has all events of its site, nothing is drawn: how the motions of one event lie to each other is
+    that of the fields.
+
+    Attributes
+    ----------
+    field : FieldMotions
+        The motions.
+    site_of : ndarray of int, shape (buildings,)
+        The site of each building.
+    """
+
+    field: FieldMotions
+    site_of: NDArray[np.int64]
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        return self.field.motions[self.site_of[building]]
+
+    def description(self) -> dict[str, object]:
+        whole = repr((self.field.sites, self.field.motions, self.site_of.tolist()))
+        return {"events": self.field.events, "field_sha256": hashlib.sha256(whole.encode()).hexdigest()}
+
+
+PointMotion = tuple[tuple[int, ...], float]
+"""A ground motion at a point of a grid: the numbers of its components, and the factor on it there."""
+
+
+@dataclass(frozen=True)
+class GridMotions:
+    """Ground motions at points of a grid.
+
+    Attributes
+    ----------
+    places : sequence of tuples of two floats
+        Longitude and latitude of the points that have motions, degrees.
+    motions : tuple of tuples of PointMotion
+        Of each point its ground motions.
+    """
+
+    places: Sequence[tuple[float, float]] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class FoundMotions:
+    """Ground motions that were read, what could not be, what a person should know of them, and where they are."""
+
+    motions: tuple[SuiteMotion, ...] = ()
+    failures: tuple[TdintError, ...] = ()
+    notes: tuple[str, ...] = ()
+    places: GridMotions | FieldMotions | None = None
+
+
+@dataclass(frozen=True)
+class EveryMotion:
+    """All buildings get all motions."""
+
+    count: int
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """The motions of a building."""
+        return [Draw(motion, 0) for motion in range(self.count)]
+
+    def description(self) -> dict[str, object]:
+        """What is drawn and how, for the fingerprint."""
+        return {}
+
+
+@dataclass(frozen=True)
+class GridDraws:
+    """Which motions each building draws.
+
+    Attributes
+    ----------
+    rows : sequence of InventoryRow
+        The buildings, each with its place.
+    grid : GridMotions
+        The points that have motions.
+    wanted : GridFile
+        How they are drawn.
+    """
+
+    rows: Sequence[InventoryRow] = field(repr=False)
+    grid: GridMotions
+    wanted: GridFile
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""
+        random = np.random.default_rng([self.wanted.seed, *self.rows[building].id.encode()])
+        near, weights = self.weights(building)
+        points = random.choice(near, size=self.wanted.samples, p=weights)
+        found = []
+        for sample, point in enumerate(points.tolist(), start=1):
+            choices = self.grid.motions[point]
+            chosen, factor = choices[int(random.integers(len(choices)))]
+            found += [Draw(motion, sample, factor) for motion in chosen]
+        return sorted(found)
+
+    def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
+        """The points near a building, and how likely each is: by 1 / distance^2."""
+        count = min(self.wanted.neighbors, len(self._points))
+        distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
+        at = distances == 0.0
+        weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
+        return near.astype(np.int64), weights / weights.sum()
+
+    def description(self) -> dict[str, object]:
+        wanted, grid = self.wanted, repr((self._points.tolist(), self.grid.motions))
+        numbers = {"neighbors": wanted.neighbors, "samples": wanted.samples, "draw_seed": wanted.seed}
+        return {**numbers, "distance": wanted.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
+
+    @cached_property
+    def _places(self) -> Array:
+        return coordinates(places_of(self.rows), self.wanted.distance)
+
+    @cached_property
+    def _points(self) -> Array:
+        return coordinates(self.grid.places, self.wanted.distance)
+
+    @cached_property
+    def _tree(self) -> Any:
+        return cKDTree(self._points)
+
+
+Assignment = EveryMotion | FieldDraws | GridDraws
+"""Which motions each building gets; `EveryMotion` says what all of them tell."""
+
+
+def places_of(rows: Sequence[InventoryRow]) -> list[tuple[float, float]]:
+    """Longitude and latitude of buildings, degrees."""
+    return [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+
+
+def coordinates(places: Sequence[tuple[float, float]], distance: str) -> Array:
+    """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes in degrees."""
+    return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
+
+
+def unit_vectors(degrees: Array) -> Array:
+    """Directions from the center of the earth to places given as longitude and latitude; shape (k, 3)."""
+    longitude, latitude = np.radians(degrees).T
+    return np.column_stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    )
+
+
+COORDINATES: Mapping[str, Callable[[Array], Array]] = {"km": unit_vectors, "degrees": lambda degrees: degrees}
+"""What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of longitude and latitude as
+if they were alike and the plane did not end."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """The same factors on all motions.
+
+    Attributes
+    ----------
+    values : tuple of float
+        The factors.
+    by_period : bool
+        Whether they hang on the building, by its first period; else nobody needs to find it.
+    of_value : bool
+        Whether they bring a motion to a value, whatever factor it has in a grid; else they come on top of it.
+    """
+
+    values: tuple[float, ...]
+    by_period: bool = field(default=False, init=False)
+    of_value: bool = field(default=False, init=False)
+
+    def count(self, motion: int) -> int:
+        """How many factors a motion has."""
+        return len(self.values)
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """The factors of a motion under each of some buildings, by their first periods, s."""
+        return [self.values] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        """What was asked for, for the fingerprint."""
+        return {"scales": list(self.values)}
+
+
+@dataclass(frozen=True)
+class FactorTable:
+    """Factors by the names of motions and components, as a CSV file has them; no component stands for all.
+
+    Attributes
+    ----------
+    source : str
+        The file as the user named it.
+    by_name : mapping
+        (record, component) -> factors.
+    """
+
+    source: str
+    by_name: Mapping[tuple[str, str], tuple[float, ...]]
+
+    def of(self, motion: SuiteMotion) -> tuple[float, ...]:
+        """The factors of a motion: by its own name, by its file's, by its pair's.
+
+        Raises
+        ------
+        ModelError
+            There are none.
+        """
+        whole = motion.whole
+        names = dict.fromkeys([motion.name, Path(motion.name).name, whole.source])
+        components = dict.fromkeys([motion.component, whole.component, ""])
+        for key in ((name, component) for name in names for component in components):
+            if key in self.by_name:
+                return self.by_name[key]
+        raise ModelError(f"{self.source}: no factor for {motion.name} {motion.component}")
+
+
+@dataclass(frozen=True)
+class GivenFactors:
+    """Factors of each motion by its number, as `tdint scale` finds them."""
+
+    by_motion: Mapping[int, tuple[float, ...]]
+    by_period: bool = field(default=False, init=False)
+    of_value: bool = field(default=False, init=False)
+
+    def count(self, motion: int) -> int:
+        return len(self.by_motion[motion])
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        return [self.by_motion[motion]] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
+
+
+@dataclass(frozen=True)
+class MeasureLevels:
+    """Values that an intensity measure is to take.
+
+    Attributes
+    ----------
+    measure : callable
+        A period (s) -> the measure.
+    period : float or None
+        Its period, s; None for the first period of each building.
+    values : tuple of float
+        The values, in SI units.
+    pair : str
+        What stands for a pair of components, a name of `tdint.campaign.suites.intensity.PAIRS`.
+    motions : sequence of SuiteMotion
+        What is brought to them.
+    """
+
+    measure: Callable[[float], IntensityMeasure]
+    period: float | None
+    values: tuple[float, ...]
+    pair: str
+    motions: Sequence[SuiteMotion] = ()
+    of_value: bool = field(default=True, init=False)
+
+    def count(self, motion: int) -> int:
+        return len(self.values)
+
+    @property
+    def by_period(self) -> bool:
+        return self.period is None
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """Both components of a pair have the same ones."""
+        whole, found = self.motions[motion].whole, dict[float, tuple[float, ...]]()
+        for period in dict.fromkeys(self._at(periods)):
+            measure = self.measure(period)
+            measured = measure.of(whole, self.pair)
+            found[period] = tuple(factor_to(value, measure, measured) for value in self.values)
+        return [found[period] for period in self._at(periods)]
+
+    def _at(self, periods: Sequence[float]) -> Sequence[float]:
+        return periods if self.period is None else [self.period] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        name = self.measure(1.0).name.partition("(")[0]
+        period = "T1" if self.period is None else self.period
+        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}
+
+
+Levels = Scales | GivenFactors | MeasureLevels
+"""Factors on each motion; `Scales` says what all of them tell."""
