@@ -78,7 +78,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     from path_kernels import KERNELS
     from tdint.analysis.run.compilation import of_everything
     from tdint.kernels.building.ahead import compile_ahead, shown
-    from tdint.kernels.building.variant import EVERYTHING
+    from tdint.kernels.building.compilable import EVERYTHING
 
     wanted = [*of_everything(), *((kernel, EVERYTHING) for kernel in KERNELS)]
     missing = sum(not file for _, _, file in shown(wanted))

@@ -9,8 +9,8 @@ import pytest
 from small_kernel import scaled
 from tdint.analysis.run import compilation
 from tdint.kernels.building import store
+from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.target import named
-from tdint.kernels.building.variant import EVERYTHING
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.model_file import load_model

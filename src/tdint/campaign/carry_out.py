@@ -23,8 +23,8 @@ from tdint.campaign.store.identity import all_differences
 from tdint.campaign.store.schema import ROW_TABLES, TABLES, check_store, damaged_chunks
 from tdint.campaign.store.store import FILE, Store, is_empty, open_existing, open_store
 from tdint.errors import TdintError, UsageError
+from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import obtain
-from tdint.kernels.building.variant import EVERYTHING
 from tdint.kernels.march.many import many
 from tdint.system import on_threads, processors
 from tdint.tabular import Tabular

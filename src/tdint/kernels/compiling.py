@@ -11,8 +11,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from tdint.kernels.building.compilable import F8, I8, ArrayOf, Compilable, Signature
-from tdint.kernels.building.variant import EVERYTHING, Variant, parse
+from tdint.kernels.building.compilable import EVERYTHING, F8, I8, ArrayOf, Compilable, Signature, Variant, parse
 
 __all__ = [
     "CUBE",

@@ -198,11 +198,8 @@ METHODS = (
     Method(
         name="exact",
         family=FAMILY,
-        parameters=(),
         coefficients=tuple,
-        order=lambda: 2,
         implicit=lambda: False,
-        stability_limit=lambda: math.inf,
         rho_inf=lambda: 1.0,
         source="Nigam and Jennings (1969); exact for a load linear over the step, order 2 for a smooth one",
     ),

@@ -177,8 +177,6 @@ METHODS = (
         family=FAMILY,
         parameters=(Parameter("beta", PUBLISHED, 0.0, 0.25, low_allowed=False),),
         coefficients=lambda beta: (beta,),
-        order=lambda beta: 2,
-        implicit=lambda beta: True,
         stability_limit=_limit,
         rho_inf=lambda beta: 1.0 if beta == PUBLISHED else math.nan,
         source="the impulse-momentum method of 2022 as published, eqs. 11-23 and 46-54",

@@ -331,8 +331,6 @@ METHODS = (
         parameters=(Parameter("rho_inf", 1.0, 0.0, 1.0),),
         coefficients=coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
-        implicit=lambda rho_inf: True,
-        stability_limit=lambda rho_inf: math.inf,
         rho_inf=lambda rho_inf: rho_inf,
         source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is Radau IIA (Ehle 1969)",
     ),

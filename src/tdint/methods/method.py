@@ -115,28 +115,28 @@ class Method:
     ----------
     coefficients : callable
         Parameter values -> coefficients of the family's step.
-    order : callable
-        Parameter values -> order of displacement and velocity for a smooth load.
-    implicit : callable
-        Parameter values -> whether the step solves for the restoring force at its end.
-    stability_limit : callable
-        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a parameter opens an
-        unstable band, the lower end of the band.
     rho_inf : callable
         Parameter values -> spectral radius for omega dt to infinity; nan where the method is not stable there.
     source : str
         Who published it.
+    order : callable
+        Parameter values -> order of displacement and velocity for a smooth load; 2 if left out.
+    implicit : callable
+        Parameter values -> whether the step solves for the restoring force at its end, as most do.
+    stability_limit : callable
+        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a parameter opens an
+        unstable band, the lower end of the band.
     """
 
     name: str
     family: Family
-    parameters: tuple[Parameter, ...]
     coefficients: Callable[..., tuple[float, ...]]
-    order: Callable[..., int]
-    implicit: Callable[..., bool]
-    stability_limit: Callable[..., float]
     rho_inf: Callable[..., float]
     source: str
+    parameters: tuple[Parameter, ...] = ()
+    order: Callable[..., int] = lambda *values: 2
+    implicit: Callable[..., bool] = lambda *values: True
+    stability_limit: Callable[..., float] = lambda *values: math.inf
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ method of degree 2 in time (Betsch and Steinmann 2000).
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from tdint.kernels import layout as at
@@ -106,8 +105,6 @@ METHODS = (
         parameters=(Parameter("rho_inf", 1.0, 0.0, 1.0),),
         coefficients=coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
-        implicit=lambda rho_inf: True,
-        stability_limit=lambda rho_inf: math.inf,
         rho_inf=lambda rho_inf: rho_inf,
         source="tdint: impulse and first moment; rho_inf = 1 is Hairer's energy-preserving collocation (2010), s = 2",
     ),

@@ -17,8 +17,6 @@ step that was halved because it did not converge, and the two steps after it.
 
 from __future__ import annotations
 
-import math
-
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.compiling import inlined, kernel
@@ -120,8 +118,8 @@ def _guess(c, h, state, work, n):
         )
 
 
-def _member(name: str, v_by_w, a_by_w, a_by_b, memory: tuple[int, ...], source: str) -> Method:
-    family = Family(
+def _family(*memory: int) -> Family:
+    return Family(
         "multi-step",
         step,
         work_rows,
@@ -130,45 +128,28 @@ def _member(name: str, v_by_w, a_by_w, a_by_b, memory: tuple[int, ...], source: 
         derivatives=(0, 1, 2, 1, 1, 2, 2),
         shifts=(0.0, 0.0, 1.0, -0.5, -1.5, 1.0, 1.0),
     )
-    return Method(
-        name=name,
-        family=family,
-        parameters=(),
-        coefficients=lambda: (*v_by_w, *a_by_w, *a_by_b),
-        order=lambda: 2,
-        implicit=lambda: True,
-        stability_limit=lambda: math.inf,
-        rho_inf=lambda: 0.0,
-        source=source,
-    )
 
 
-_NONE = (0.0, 0.0, 0.0)
 _BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)  # the derivative of the cubic through four points
+_SECOND = (2.0, -3.0, 1.0)  # its second derivative
 _PARK = (10.0 / 6.0, -5.0 / 6.0, 1.0 / 6.0)  # the mean of _BACKWARD and of the parabola through three points
+_NONE = (0.0, 0.0, 0.0)
+_OF_VELOCITY = (MEAN_VELOCITY, OLDER_MEAN_VELOCITY)
+_OF_ACCELERATION = (MEAN_ACCELERATION, OLDER_MEAN_ACCELERATION)
 
 METHODS = (
-    _member(
-        "houbolt",
-        _BACKWARD,
-        (2.0, -3.0, 1.0),  # the second derivative of that cubic
-        _NONE,
-        (at.DISPLACEMENT, MEAN_VELOCITY, OLDER_MEAN_VELOCITY),
-        "Houbolt (1950), started by two steps of average acceleration",
+    Method(
+        name="houbolt",
+        family=_family(at.DISPLACEMENT, *_OF_VELOCITY),
+        coefficients=lambda: (*_BACKWARD, *_SECOND, *_NONE),
+        rho_inf=lambda: 0.0,
+        source="Houbolt (1950), started by two steps of average acceleration",
     ),
-    _member(
-        "park",
-        _PARK,
-        _NONE,
-        _PARK,
-        (
-            at.DISPLACEMENT,
-            MEAN_VELOCITY,
-            OLDER_MEAN_VELOCITY,
-            at.VELOCITY,
-            MEAN_ACCELERATION,
-            OLDER_MEAN_ACCELERATION,
-        ),
-        "Park (1975), started by two steps of average acceleration",
+    Method(
+        name="park",
+        family=_family(at.DISPLACEMENT, *_OF_VELOCITY, at.VELOCITY, *_OF_ACCELERATION),
+        coefficients=lambda: (*_PARK, *_NONE, *_PARK),
+        rho_inf=lambda: 0.0,
+        source="Park (1975), started by two steps of average acceleration",
     ),
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import ModelError
 from tdint.kernels import layout as at
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import OURS
 from tdint.model.definition import Force, ModalDamping, Model, RayleighCoefficients, RayleighRatio, Story
 from tdint.model.laws import CODES, LAWS

@@ -16,7 +16,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.analysis.static.cyclic import cyclic_test
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.compilable import Variant
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model import modes
 from tdint.model.definition import ModalDamping

@@ -13,7 +13,7 @@ from tdint.analysis.run.workspace import workspace
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.compilable import Variant
 from tdint.kernels.bundles import Scene
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators

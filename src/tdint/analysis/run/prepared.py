@@ -28,8 +28,8 @@ from tdint.analysis.run.workspace import (
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
+from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.obtaining import obtain
-from tdint.kernels.building.variant import Variant
 from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, many

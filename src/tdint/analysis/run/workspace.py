@@ -10,7 +10,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.compilable import Variant
 from tdint.kernels.bundles import Memory, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.equations.carried.rows import error_peaks

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from tdint.errors import OutputError
 from tdint.kernels.building import store
-from tdint.kernels.building.compilable import Compilable
+from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant
 from tdint.kernels.building.process import compilations, run_all
 from tdint.kernels.building.target import Target, named, runnable
-from tdint.kernels.building.variant import EVERYTHING, Variant
 
 
 def compile_ahead(

@@ -1,6 +1,6 @@
 """The decorators of a process that compiles: numba's; and the way from a kernel to an object file.
 
-Only the functions of `tdint.kernels.building.build` import this.
+Only the functions of `tdint.kernels.build` import this.
 """
 
 from __future__ import annotations

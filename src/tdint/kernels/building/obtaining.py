@@ -7,16 +7,13 @@ import os
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 
-from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant
 from tdint.system import locked, processors
-
-if TYPE_CHECKING:
-    from tdint.kernels.building.compilable import Compilable
 
 LOG = logging.getLogger("tdint")
 

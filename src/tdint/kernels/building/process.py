@@ -15,16 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from tdint.errors import AnalysisError
+from tdint.kernels.building.compilable import Compilable, Variant
 from tdint.kernels.building.sources import OUTSIDE, size
 from tdint.kernels.building.target import Target, named, native
-from tdint.kernels.building.variant import Variant
 from tdint.system import processors
-
-if TYPE_CHECKING:
-    from tdint.kernels.building.compilable import Compilable
 
 _PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
 
@@ -98,7 +95,7 @@ class _Process:
         pipe = subprocess.PIPE
         path = os.pathsep.join(filter(None, sys.path))
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "tdint.kernels.building.build"],
+            [sys.executable, "-P", "-m", "tdint.kernels.build"],
             stdin=pipe,
             stdout=pipe,
             stderr=pipe,

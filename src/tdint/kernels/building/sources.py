@@ -13,11 +13,11 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.compilable import Variant
 
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
-_COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target", "variant"))
+_COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target"))
 """What of `building` an object depends on, whatever imports it."""
 
 OUTSIDE: dict[str, str] = {}

@@ -23,10 +23,10 @@ from functools import cache
 from pathlib import Path
 
 from tdint.cache import cache_home, cache_subfolder, remove_unused
+from tdint.kernels.building.compilable import parse
 from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
-from tdint.kernels.building.variant import parse
 from tdint.system import is_trusted
 
 _DAYS_KEPT = 30

@@ -18,7 +18,6 @@ SCALE = 2  # factor on them
 STEPS = 3
 PER_SAMPLE = 4
 STRIDE = 5
-RUN_COLUMNS = 6
 
 # ends: one row for each run
 CODE = 0  # as `march` returns it

@@ -48,7 +48,7 @@ RUNAWAY = 1e6
 
 @inlined
 def start(begin, take_stock, scene, ground, memory, seen):
-    """Drift laws, acceleration and energy of the initial state."""
+    """Drift laws, acceleration and energy of the initial state, which may be beyond limits."""
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
     begin_laws(begin, scene, memory)
@@ -59,6 +59,7 @@ def start(begin, take_stock, scene, ground, memory, seen):
     memory.report[at.CARRIED_GROUND] = ground
     sum_up(take_stock, scene, memory, seen)
     begin_energies(scene.linear_terms, seen.totals)
+    watch_limits(take_stock, scene, memory, 0, seen)
 
 
 @inlined
@@ -69,12 +70,25 @@ def ran_away(state, n):
     return not here
 
 
-@called
+@inlined
+def see(raise_shears, scene, t, span, slope, memory, seen):
+    """Observe the motion at time t, the end of a step or of a piece of one, and what it passed on the way."""
+    near = observe(scene, t, span, slope, memory, seen)
+    if look_between(near, scene, span, memory, seen) > 0:
+        take_shears(raise_shears, scene, memory, seen)
+
+
+@inlined
 def watch_limits(take_stock, scene, memory, steps, seen):
     """Note a collapse that has not been noted yet."""
     if seen.totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(memory.springs, seen):
-        sum_up(take_stock, scene, memory, seen)
-        note_collapse(memory.springs, steps, seen)
+        _collapse(take_stock, scene, memory, steps, seen)
+
+
+@called
+def _collapse(take_stock, scene, memory, steps, seen):
+    sum_up(take_stock, scene, memory, seen)
+    note_collapse(memory.springs, steps, seen)
 
 
 @kernel(MARCH, parts=())
@@ -105,8 +119,6 @@ def march(
     ground_0 = ground_at(ground, first, per_sample, stride)
     if first == 0:
         start(begin, take_stock, scene, ground_0, memory, seen)
-        if beyond_limits(springs, seen):
-            note_collapse(springs, 0, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
     smallest = 0.5**halvings
@@ -146,15 +158,12 @@ def march(
             totals[at.ITERATIONS] += code
             report[at.CARRIED_GROUND] = load[at.GROUND_1]
             span = Span(piece * h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast)
-            near = observe(scene, (s + done) * h, span, slope, memory, seen)
-            if look_between(near, scene, span, memory, seen) > 0:
-                take_shears(raise_shears, scene, memory, seen)
+            see(raise_shears, scene, (s + done) * h, span, slope, memory, seen)
         report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         totals[at.STEPS_REACHED] += 1.0
         if ran_away(state, linear_terms.shape[1] - 1):
             return at.NOT_FINITE
-        if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(springs, seen):
-            watch_limits(take_stock, scene, memory, s + 1, seen)
+        watch_limits(take_stock, scene, memory, s + 1, seen)
         if history.shape[0] > 0 and (s + 1) % every == 0:
             sum_up(take_stock, scene, memory, seen)
             store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every - before)

@@ -121,7 +121,7 @@ def observe(scene, t, span, slope, memory, seen):
 
 @called
 def _observe_devices(span, linear_terms, state, seen):
-    """Work of the dashpots by the rule of `_add_work`, which is no longer counted as that of damping; whether a drift
+    """Work of the dashpots, which is no longer counted as that of damping; whether a drift
     rate may pass its peak, and peaks of those at the end of the step."""
     watch, peaks, _, totals, _ = seen
     h = span.h
@@ -147,8 +147,7 @@ def _observe_devices(span, linear_terms, state, seen):
         a_below = a
         a_0_below = a_0
     if h > 0.0:
-        work = 0.5 * h * (totals[at.POWER_DEVICES] + power)
-        work += h * h / 12.0 * (totals[at.RATE_DEVICES] - power_rate)
+        work = _work(h, totals[at.POWER_DEVICES], power, totals[at.RATE_DEVICES] - power_rate)
         totals[at.ENERGY_DEVICES] += work
         totals[at.ENERGY_DAMPED] -= work
     totals[at.POWER_DEVICES] = power
@@ -296,13 +295,19 @@ def _other_forces(modal, forces, t, state, watch, n):
 
 
 @inlined
+def _work(h, power_0, power_1, change):
+    """Work over a step by the corrected trapezoidal (Hermite) rule, of order 4; `change` is the rate of the power at
+    its start less that at its end."""
+    return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
+
+
+@inlined
 def _add_work(span, slope, now, totals):
-    """Work of load and dampers by the corrected trapezoidal (Hermite) rule, of order 4, from powers and their rates."""
-    h = span.h
-    ends = totals[at.RATE_INPUT] - now.rate - slope * (totals[at.MOMENTUM] - now.momentum)
-    totals[at.ENERGY_INPUT] += 0.5 * h * (totals[at.POWER_INPUT] + now.power) + h * h / 12.0 * ends
-    ends = totals[at.RATE_DAMPED] - now.damped_rate
-    totals[at.ENERGY_DAMPED] += 0.5 * h * (totals[at.POWER_DAMPED] + now.damped) + h * h / 12.0 * ends
+    """Work of load and dampers from their powers at both ends of the step."""
+    change = totals[at.RATE_INPUT] - now.rate - slope * (totals[at.MOMENTUM] - now.momentum)
+    totals[at.ENERGY_INPUT] += _work(span.h, totals[at.POWER_INPUT], now.power, change)
+    change = totals[at.RATE_DAMPED] - now.damped_rate
+    totals[at.ENERGY_DAMPED] += _work(span.h, totals[at.POWER_DAMPED], now.damped, change)
     totals[at.POWER_INPUT] = now.power
     totals[at.RATE_INPUT] = now.rate
     totals[at.MOMENTUM] = now.momentum

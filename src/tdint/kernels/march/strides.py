@@ -7,9 +7,9 @@ from tdint.kernels.bundles import MEMORY, SCENE, SEEN, Memory, Scene, Seen, Span
 from tdint.kernels.compiling import F8, I8, VECTOR, inlined, kernel
 from tdint.kernels.equations.carried.rows import OWN, first_row
 from tdint.kernels.march.ground import beyond_line, ground_at, straightened_samples
-from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK, sum_up, take_shears
-from tdint.kernels.march.march import ran_away, start, watch_limits
-from tdint.kernels.march.observing import beyond_limits, look_between, note_collapse, observe, shift_ground
+from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK, sum_up
+from tdint.kernels.march.march import ran_away, see, start, watch_limits
+from tdint.kernels.march.observing import shift_ground
 from tdint.kernels.stepping import STEP, take_step
 
 # choice
@@ -71,8 +71,6 @@ def march_in_strides(
     on_path = flags[at.ON_PATH] != 0.0
     if choice[TAKEN] == 0.0:
         start(begin, take_stock, scene, ground_at(ground, 0, per_sample, 1), memory, seen)
-        if beyond_limits(springs, seen):
-            note_collapse(springs, 0, seen)
         choice[NEXT] = min(per_sample, longest)
         choice[SHORTEST] = longest
     s = int(totals[at.STEPS_REACHED])
@@ -109,13 +107,10 @@ def march_in_strides(
         report[at.CARRIED_GROUND] = load[at.GROUND_1]
         slope = (load[at.GROUND_1] - load[at.GROUND_0]) / span_h
         span = Span(span_h, load[at.GROUND_0], load[at.GROUND_1], on_path, choice[FASTEST] * stride > 1.0)
-        near = observe(scene, s * h, span, slope, memory, seen)
-        if look_between(near, scene, span, memory, seen) > 0:
-            take_shears(raise_shears, scene, memory, seen)
+        see(raise_shears, scene, s * h, span, slope, memory, seen)
         if ran_away(state, linear_terms.shape[1] - 1):
             return at.NOT_FINITE
-        if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(springs, seen):
-            watch_limits(take_stock, scene, memory, s, seen)
+        watch_limits(take_stock, scene, memory, s, seen)
         part = span_h / choice[PERIOD]
         pace = _jerk(linear_terms, work, first_row(modal) + OWN.A1, peaks, choice) / (part * part * part)
         choice[PACE] = max(pace, _KEPT * choice[PACE])

@@ -31,30 +31,41 @@ class _Move(NamedTuple):
     own: int
 
 
-@called
-def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, own):
-    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into rows `own` and `own` + 1; they
-    and the tangents are added to the rows from `whole` on."""
-    move = _Move(rise, bend, h, work, whole, own)
-    work[own + path.MEAN, i] = 0.0
-    work[own + path.MOMENT, i] = 0.0
-    first = rise - 0.5 * bend  # h times the rates at the ends
-    last = rise + 0.5 * bend
-    if first * last < 0.0:
-        rest = -rise / bend
-        _part(linear_terms, i, move, rest, -0.5)
-        _part(linear_terms, i, move, rest, 0.5)
-    elif abs(first) < abs(last):
-        _part(linear_terms, i, move, -0.5, 0.5)
-    else:
-        _part(linear_terms, i, move, 0.5, -0.5)
-    work[whole + path.MEAN, i] += work[own + path.MEAN, i]
-    work[whole + path.MOMENT, i] += work[own + path.MOMENT, i]
+def cut_at_rest(part):
+    """A function (linear_terms, i, move) that goes over a parabola by `part` (linear_terms, i, move, slow, fast): from
+    s = slow to s = fast, where the rate is larger and of the same sign."""
+
+    @inlined
+    def over_parts(linear_terms, i, move):
+        first = move.rise - 0.5 * move.bend  # h times the rates at the ends
+        last = move.rise + 0.5 * move.bend
+        if first * last < 0.0:
+            rest = -move.rise / move.bend
+            part(linear_terms, i, move, rest, -0.5)
+            part(linear_terms, i, move, rest, 0.5)
+        elif abs(first) < abs(last):
+            part(linear_terms, i, move, -0.5, 0.5)
+        else:
+            part(linear_terms, i, move, 0.5, -0.5)
+
+    return over_parts
+
+
+@inlined
+def _add(linear_terms, i, move, s, weight):
+    rise, bend, h, work, whole, own = move
+    force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
+    moment = 12.0 * weight * s
+    work[own + path.MEAN, i] += weight * force
+    work[own + path.MOMENT, i] += moment * force
+    work[whole + path.MEAN_BY_RISE, i] += weight * slope / h
+    work[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
+    work[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
+    work[whole + path.MOMENT_BY_BEND, i] += moment * slope * s / h
 
 
 @called
 def _part(linear_terms, i, move, slow, fast):
-    """The part of the path between s = `slow` and s = `fast`, where the rate is larger and of the same sign."""
     least = abs(move.rise + move.bend * slow)
     largest = abs(move.rise + move.bend * fast)
     length = abs(fast - slow)
@@ -71,14 +82,16 @@ def _part(linear_terms, i, move, slow, fast):
         _add(linear_terms, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
 
 
-@inlined
-def _add(linear_terms, i, move, s, weight):
-    rise, bend, h, work, whole, own = move
-    force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
-    moment = 12.0 * weight * s
-    work[own + path.MEAN, i] += weight * force
-    work[own + path.MOMENT, i] += moment * force
-    work[whole + path.MEAN_BY_RISE, i] += weight * slope / h
-    work[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
-    work[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
-    work[whole + path.MOMENT_BY_BEND, i] += moment * slope * s / h
+_over_parts = cut_at_rest(_part)
+
+
+@called
+def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, own):
+    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into rows `own` and `own` + 1; they
+    and the tangents are added to the rows from `whole` on."""
+    move = _Move(rise, bend, h, work, whole, own)
+    work[own + path.MEAN, i] = 0.0
+    work[own + path.MOMENT, i] = 0.0
+    _over_parts(linear_terms, i, move)
+    work[whole + path.MEAN, i] += work[own + path.MEAN, i]
+    work[whole + path.MOMENT, i] += work[own + path.MOMENT, i]

@@ -20,8 +20,8 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING
 from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.stories import path
-from tdint.kernels.stories.branches import advance, go_along, switch
-from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS
+from tdint.kernels.stories.branches import advance, go_along
+from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS, cut_at_rest
 from tdint.kernels.stories.law_state import reach, restoring, settle
 
 
@@ -103,45 +103,6 @@ def _add(results, i, weight, s, force, tangent):
     work[out + RESULT.MOMENT_BY_ODD, i] += 12.0 * s * by_odd
 
 
-@called
-def _over_branches(law_parameters, springs, i, whole, turn, moved, results):
-    path.copy(springs, i, 0, at.FIRST_TRIAL)
-    _go(law_parameters, springs, i, path.part_of(whole, 0.0, turn), results)
-    if turn == 1.0:
-        return
-    if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
-        advance(law_parameters, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
-    _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
-    _go(law_parameters, springs, i, path.part_of(whole, turn, 1.0), results)
-
-
-@called
-def _go(law_parameters, springs, i, stretch, results):
-    """Along a stretch in which the path does not turn, as in `path`, with the state in FIRST_TRIAL."""
-    target = path.drift_at(stretch, stretch.end)
-    way = target - path.drift_at(stretch, stretch.begin)
-    if way == 0.0:
-        _piece(springs, i, stretch, results)
-        return
-    side = math.copysign(1.0, way)
-    if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:
-        switch(law_parameters, springs, i, at.FIRST_TRIAL, at.TURNED)
-    here = stretch.begin
-    for passed in range(path.MOST_BRANCHES):
-        limit = springs[at.FIRST_TRIAL + at.UPPER, i] if side > 0.0 else springs[at.FIRST_TRIAL + at.LOWER, i]
-        ends = side * (target - limit) > 0.0 and passed < path.MOST_BRANCHES - 1
-        there = stretch.end
-        if ends:
-            there = min(here + path.time_to(limit, stretch, here, side), stretch.end)
-        _piece(springs, i, path.part_of(stretch, here, there), results)
-        advance(law_parameters, springs, i, at.FIRST_TRIAL, limit if ends else target)
-        if not ends:
-            break
-        _note(results, i, there, springs[at.FIRST_TRIAL + at.FORCE, i])
-        switch(law_parameters, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
-        here = there
-
-
 @inlined
 def _note(results, i, t, force):
     """Keep an event."""
@@ -154,50 +115,29 @@ def _note(results, i, t, force):
 
 
 @inlined
-def _piece(springs, i, stretch, results):
+def _piece(springs, i, block, stretch, results):
     length = stretch.end - stretch.begin
-    slope = springs[at.FIRST_TRIAL + at.SLOPE, i]
+    slope = springs[block + at.SLOPE, i]
     for point in range(_PIECE_POINTS):
         t = stretch.begin + length * path.NODES[_PIECE_POINTS, point]
-        force = springs[at.FIRST_TRIAL + at.FORCE, i]
-        force += slope * (path.drift_at(stretch, t) - springs[at.FIRST_TRIAL + at.DRIFT, i])
+        force = springs[block + at.FORCE, i]
+        force += slope * (path.drift_at(stretch, t) - springs[block + at.DRIFT, i])
         _add(results, i, length * path.WEIGHTS[_PIECE_POINTS, point], t - 0.5, force, slope)
 
 
-@called
-def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
-    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL.
-
-    The bubbles may have the story turn before the last Gauss point: it is led there from the start."""
-    past = _pass(law_parameters, springs, i, 0, path.part_of(whole, 0.0, turn), results)
-    if turn < 1.0:
-        reach(law_parameters, springs, i, 0, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
-        settle(law_parameters, springs, i, 0, at.THIRD_TRIAL)
-        _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
-        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
-    if past != at.FIRST_TRIAL:
-        path.copy(springs, i, past, at.FIRST_TRIAL)
+_go = path.along_branches(_piece, _note)
 
 
 @called
-def _pass(law_parameters, springs, i, past, stretch, results):
-    """As in `path`."""
-    here = path.drift_at(stretch, stretch.begin)
-    way = path.drift_at(stretch, stretch.end) - here
-    side = math.copysign(1.0, way)
-    way = abs(way)
-    begin = stretch.begin
-    ahead = path.kink(law_parameters, springs, i, past, side)
-    if ahead < way:
-        wanted = path.points_wanted(law_parameters, springs, i, ahead)
-        there = min(begin + path.time_to(here + side * ahead, stretch, begin, side), stretch.end)
-        past = _integrate(law_parameters, springs, i, past, False, wanted, path.part_of(stretch, begin, there), results)
-        begin = there
-        way -= ahead
-    wanted = path.points_wanted(law_parameters, springs, i, way)
-    return _integrate(
-        law_parameters, springs, i, past, False, wanted, path.part_of(stretch, begin, stretch.end), results
-    )
+def _over_branches(law_parameters, springs, i, whole, turn, moved, results):
+    path.copy(springs, i, 0, at.FIRST_TRIAL)
+    _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, 0.0, turn), results)
+    if turn == 1.0:
+        return
+    if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
+        advance(law_parameters, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
+    _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
+    _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, turn, 1.0), results)
 
 
 @called
@@ -221,6 +161,24 @@ def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, resul
     return trial
 
 
+_pass = path.in_two_parts(_integrate)
+
+
+@called
+def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
+    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL.
+
+    The bubbles may have the story turn before the last Gauss point: it is led there from the start."""
+    past = _pass(law_parameters, springs, i, 0, path.part_of(whole, 0.0, turn), results)
+    if turn < 1.0:
+        reach(law_parameters, springs, i, 0, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
+        settle(law_parameters, springs, i, 0, at.THIRD_TRIAL)
+        _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
+        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
+    if past != at.FIRST_TRIAL:
+        path.copy(springs, i, past, at.FIRST_TRIAL)
+
+
 # ---- From node to node
 
 
@@ -235,12 +193,12 @@ def go_on(law_parameters, springs, i, stretch, bubbles, past, results):
     drift = path.drift_at(whole, there) + off
     if not CURVES or springs[at.SLOPE, i] < math.inf:
         if here <= turn < there:
-            _go(law_parameters, springs, i, path.part_of(whole, here, turn), results)
+            _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, here, turn), results)
             if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
                 moved = path.drift_at(whole, turn) + bubble(bubbles, turn - 0.5)
                 go_along(law_parameters, springs, i, at.FIRST_TRIAL, moved)
             here = turn
-        _go(law_parameters, springs, i, path.part_of(whole, here, there), results)
+        _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, here, there), results)
         return springs[at.FIRST_TRIAL + at.FORCE, i] + springs[at.FIRST_TRIAL + at.SLOPE, i] * off, past
     if law_parameters[at.CODE, i] not in DISSIPATING:
         reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
@@ -277,43 +235,6 @@ class _Dashpot(NamedTuple):
     column: int
 
 
-@called
-def add_dashpot(linear_terms, i, h, whole, cubic, results, column):
-    """Add a power-law dashpot along the same path; its rate has `cubic` (3 s^2 - 1/4) / 6 beside that of the
-    parabola."""
-    rise, bend = whole.rise, whole.bend
-    move = _Dashpot(rise, bend, cubic, h, results.table, results.first, column)
-    first = rise - 0.5 * bend
-    last = rise + 0.5 * bend
-    if first * last < 0.0:
-        _stretch(linear_terms, i, move, -rise / bend, -0.5)
-        _stretch(linear_terms, i, move, -rise / bend, 0.5)
-    elif abs(first) < abs(last):
-        _stretch(linear_terms, i, move, -0.5, 0.5)
-    else:
-        _stretch(linear_terms, i, move, 0.5, -0.5)
-
-
-@called
-def _stretch(linear_terms, i, move, slow, fast):
-    """As `dashpot_path` parts it."""
-    least = abs(move.rise + move.bend * slow)
-    largest = abs(move.rise + move.bend * fast)
-    length = abs(fast - slow)
-    steady = least >= STEADY * largest
-    points = STEADY_POINTS if steady else POINTS
-    root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
-    whole = 1.0 - root * root * root
-    for point in range(points):
-        x = path.NODES[points, point]
-        weight = length * path.WEIGHTS[points, point]
-        if not steady:
-            x = root + (1.0 - root) * x
-            weight *= 3.0 * x * x / whole * (1.0 - root)
-            x = (x * x * x - root * root * root) / whole
-        _add_rate(linear_terms, i, move, slow + (fast - slow) * x, weight)
-
-
 @inlined
 def _add_rate(linear_terms, i, move, s, weight):
     rise, bend, cubic, h, work, out, column = move
@@ -331,3 +252,32 @@ def _add_rate(linear_terms, i, move, s, weight):
     work[out + RESULT.MEAN_BY_ODD, column] += by_odd
     work[out + RESULT.MOMENT_BY_EVEN, column] += 12.0 * s * by_even
     work[out + RESULT.MOMENT_BY_ODD, column] += 12.0 * s * by_odd
+
+
+@called
+def _part(linear_terms, i, move, slow, fast):
+    least = abs(move.rise + move.bend * slow)
+    largest = abs(move.rise + move.bend * fast)
+    length = abs(fast - slow)
+    steady = least >= STEADY * largest
+    points = STEADY_POINTS if steady else POINTS
+    root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
+    whole = 1.0 - root * root * root
+    for point in range(points):
+        x = path.NODES[points, point]
+        weight = length * path.WEIGHTS[points, point]
+        if not steady:
+            x = root + (1.0 - root) * x
+            weight *= 3.0 * x * x / whole * (1.0 - root)
+            x = (x * x * x - root * root * root) / whole
+        _add_rate(linear_terms, i, move, slow + (fast - slow) * x, weight)
+
+
+_over_parts = cut_at_rest(_part)
+
+
+@called
+def add_dashpot(linear_terms, i, h, whole, cubic, results, column):
+    """Add a power-law dashpot along the same path; its rate has `cubic` (3 s^2 - 1/4) / 6 beside that of the
+    parabola."""
+    _over_parts(linear_terms, i, _Dashpot(whole.rise, whole.bend, cubic, h, results.table, results.first, column))

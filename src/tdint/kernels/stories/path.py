@@ -37,7 +37,7 @@ _BACK = 6  # the same of the way back from a turning point
 _SHIFTED = 12  # and with this point shifted
 PATH_ROWS = 18
 
-MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
+_MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
 MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0
@@ -76,7 +76,7 @@ def _smooth(law_parameters, springs, i, block, side):
     return math.inf
 
 
-kink = chosen("kink", case_of_5, _smooth)
+_kink = chosen("kink", case_of_5, _smooth)
 
 
 @inlined
@@ -212,6 +212,68 @@ def _join(results, i, turn, shift):
 # ---- Linear branch by branch
 
 
+@inlined
+def time_to(limit, stretch, here, side):
+    """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
+    rate = side * (stretch.rise + stretch.bend * (here - 0.5))
+    left = side * (limit - drift_at(stretch, here))
+    if not left > 0.0:
+        return 0.0
+    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
+    return 2.0 * left / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
+
+
+def along_branches(piece, note):
+    """A function (law_parameters, springs, i, block, stretch, results) that goes along a stretch in which the path does
+    not turn, branch by branch, with the state in `block`. `piece` adds to the results what lies on one branch, `note`
+    is told where and with what force it ended."""
+
+    @called
+    def go(law_parameters, springs, i, block, stretch, results):
+        target = drift_at(stretch, stretch.end)
+        way = target - drift_at(stretch, stretch.begin)
+        if way == 0.0:
+            piece(springs, i, block, stretch, results)
+            return
+        side = math.copysign(1.0, way)
+        if springs[block + at.TURN, i] * side < 0.0:
+            switch(law_parameters, springs, i, block, at.TURNED)
+        here = stretch.begin
+        for passed in range(_MOST_BRANCHES):
+            limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
+            ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
+            there = stretch.end
+            if ends:
+                there = min(here + time_to(limit, stretch, here, side), stretch.end)
+            piece(springs, i, block, part_of(stretch, here, there), results)
+            advance(law_parameters, springs, i, block, limit if ends else target)
+            if not ends:
+                break
+            note(results, i, there, springs[block + at.FORCE, i])
+            switch(law_parameters, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
+            here = there
+
+    return go
+
+
+@inlined
+def _piece(springs, i, block, stretch, results):
+    length = stretch.end - stretch.begin
+    slope = springs[block + at.SLOPE, i]
+    for point in range(2):
+        t = stretch.begin + length * NODES[2, point]
+        force = springs[block + at.FORCE, i] + slope * (drift_at(stretch, t) - springs[block + at.DRIFT, i])
+        _add(results, i, 0.5 * length, t, force, slope)
+
+
+@inlined
+def _nothing(results, i, t, force):
+    pass
+
+
+_go = along_branches(_piece, _nothing)
+
+
 @called
 def _over_branches(law_parameters, springs, i, whole, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
@@ -236,99 +298,32 @@ def _over_branches(law_parameters, springs, i, whole, results):
     _join(results, i, turn, shift)
 
 
-@called
-def _go(law_parameters, springs, i, block, stretch, results):
-    """Along a stretch in which the path does not turn, with the state in `block`."""
-    target = drift_at(stretch, stretch.end)
-    way = target - drift_at(stretch, stretch.begin)
-    if way == 0.0:
-        _piece(springs, i, block, stretch, results)
-        return
-    side = math.copysign(1.0, way)
-    if springs[block + at.TURN, i] * side < 0.0:
-        switch(law_parameters, springs, i, block, at.TURNED)
-    here = stretch.begin
-    for passed in range(MOST_BRANCHES):
-        limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
-        ends = side * (target - limit) > 0.0 and passed < MOST_BRANCHES - 1
-        there = stretch.end
-        if ends:
-            there = min(here + time_to(limit, stretch, here, side), stretch.end)
-        _piece(springs, i, block, part_of(stretch, here, there), results)
-        advance(law_parameters, springs, i, block, limit if ends else target)
-        if not ends:
-            break
-        switch(law_parameters, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
-        here = there
-
-
-@inlined
-def time_to(limit, stretch, here, side):
-    """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
-    rate = side * (stretch.rise + stretch.bend * (here - 0.5))
-    left = side * (limit - drift_at(stretch, here))
-    if not left > 0.0:
-        return 0.0
-    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
-    return 2.0 * left / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
-
-
-@inlined
-def _piece(springs, i, block, stretch, results):
-    length = stretch.end - stretch.begin
-    slope = springs[block + at.SLOPE, i]
-    for point in range(2):
-        t = stretch.begin + length * NODES[2, point]
-        force = springs[block + at.FORCE, i] + slope * (drift_at(stretch, t) - springs[block + at.DRIFT, i])
-        _add(results, i, 0.5 * length, t, force, slope)
-
-
 # ---- Curved
 
 
-@called
-def _with_memory(law_parameters, springs, i, whole, results):
-    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
-    turn = turning_point(whole)
-    past = _pass(law_parameters, springs, i, 0, part_of(whole, 0.0, turn), results)
-    if turn < 1.0:
-        back = Integrals(results.table, results.first + _BACK)
-        shifted = Integrals(results.table, results.first + _SHIFTED)
-        way_back = part_of(whole, turn, 1.0)
-        drift = drift_at(whole, turn)
-        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, drift)
-        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
-        shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
-        reach(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
-        _clear(shifted, i)
-        _pass(law_parameters, springs, i, at.FIRST_TRIAL, way_back, shifted)
-        _clear(back, i)
-        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, way_back, back)
-        _join(results, i, turn, shift)
-    if past != at.FIRST_TRIAL:
-        copy(springs, i, past, at.FIRST_TRIAL)
+def in_two_parts(integrate):
+    """A function (law_parameters, springs, i, past, stretch, results) that goes along a stretch in which the path does
+    not turn by `integrate`, from the state in `past`; in two parts where the force bends sharply between. It returns
+    the block of the state at its last Gauss point."""
 
+    @called
+    def go(law_parameters, springs, i, past, stretch, results):
+        here = drift_at(stretch, stretch.begin)
+        way = drift_at(stretch, stretch.end) - here
+        side = math.copysign(1.0, way)
+        way = abs(way)
+        begin = stretch.begin
+        ahead = _kink(law_parameters, springs, i, past, side)
+        if ahead < way:
+            wanted = points_wanted(law_parameters, springs, i, ahead)
+            there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
+            past = integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
+            begin = there
+            way -= ahead
+        wanted = points_wanted(law_parameters, springs, i, way)
+        return integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
 
-@called
-def _pass(law_parameters, springs, i, past, stretch, results):
-    """Along a stretch in which the path does not turn, from the state in `past`; returns the block of the state at its
-    last Gauss point.
-
-    In two parts where the force bends sharply between."""
-    here = drift_at(stretch, stretch.begin)
-    way = drift_at(stretch, stretch.end) - here
-    side = math.copysign(1.0, way)
-    way = abs(way)
-    begin = stretch.begin
-    ahead = kink(law_parameters, springs, i, past, side)
-    if ahead < way:
-        wanted = points_wanted(law_parameters, springs, i, ahead)
-        there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
-        past = _integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
-        begin = there
-        way -= ahead
-    wanted = points_wanted(law_parameters, springs, i, way)
-    return _integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
+    return go
 
 
 @called
@@ -371,3 +366,29 @@ def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, resul
     work[out + MOMENT_BY_RISE, i] += moment_by_rise
     work[out + MOMENT_BY_BEND, i] += moment_by_bend
     return trial
+
+
+_pass = in_two_parts(_integrate)
+
+
+@called
+def _with_memory(law_parameters, springs, i, whole, results):
+    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
+    turn = turning_point(whole)
+    past = _pass(law_parameters, springs, i, 0, part_of(whole, 0.0, turn), results)
+    if turn < 1.0:
+        back = Integrals(results.table, results.first + _BACK)
+        shifted = Integrals(results.table, results.first + _SHIFTED)
+        way_back = part_of(whole, turn, 1.0)
+        drift = drift_at(whole, turn)
+        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, drift)
+        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
+        shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
+        reach(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
+        _clear(shifted, i)
+        _pass(law_parameters, springs, i, at.FIRST_TRIAL, way_back, shifted)
+        _clear(back, i)
+        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, way_back, back)
+        _join(results, i, turn, shift)
+    if past != at.FIRST_TRIAL:
+        copy(springs, i, past, at.FIRST_TRIAL)

@@ -24,7 +24,7 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
-from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, first_row
+from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, first_row, whole_path
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW, solve
 from tdint.kernels.laws.choosing import BENDING
@@ -56,7 +56,7 @@ def carry_error(scene, h, load, memory):
     """Rise and bend of the error over the step of which the rows RISE and BEND tell, and the companion's new state."""
     base = first_row(scene.modal)
     carried = Carried(scene, memory, load, h, base)
-    state, springs, work, _ = memory
+    state, work = memory.state, memory.work
     linear = not BENDING or scene.flags[at.LINEAR] != 0.0
     n = scene.linear_terms.shape[1] - 1
     near = False
@@ -66,7 +66,7 @@ def carry_error(scene, h, load, memory):
         _calm_unbalanced(carried)
         solve(scene.modal, h, work, base + OWN.RISE, n)
         near, still = comes_near(carried)
-        calm = still or linear or _stays_still(scene.linear_terms, springs, work, base)
+        calm = still or linear or _stays_still(scene, h, load, memory, base)
     else:
         for i in range(n):
             work[base + OWN.RISE, i] = h * state[at.ERROR_VELOCITY, i]
@@ -156,17 +156,14 @@ def _calm_unbalanced(carried):
 
 
 @called
-def _stays_still(linear_terms, springs, work, base):
+def _stays_still(scene, h, load, memory, base):
     """Whether all stories of the companion keep to their branches."""
-    n = linear_terms.shape[1] - 1
-    rise_below = bend_below = 0.0
+    carried = Carried(scene, memory, load, h, base)
+    n = scene.linear_terms.shape[1] - 1
     for i in range(n):
-        link = linear_terms[at.LINK, i]
-        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        if not stays(springs, n + 1 + i, rise - link * rise_below, bend - link * bend_below):
+        whole = whole_path(carried, i)
+        if not stays(memory.springs, n + 1 + i, whole.rise, whole.bend):
             return False
-        rise_below, bend_below = rise, bend
     return True
 
 

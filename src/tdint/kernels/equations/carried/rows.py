@@ -52,6 +52,15 @@ class Carried(NamedTuple):
     base: int
 
 
+class Corrected(NamedTuple):
+    """A floor, or the drift of a story, over the step in the corrected motion."""
+
+    u: float  # at its start
+    v: float  # h times the rate there
+    rise: float  # of its parabola
+    bend: float
+
+
 def error_peaks(modes: int) -> int:
     """The first of the rows of work with the peaks of the corrected motion, rows as of `Workspace.peaks`."""
     return STORE + 6 * modes + 1 + OWN.PEAKS
@@ -69,18 +78,35 @@ def first_row(modal):
 
 
 @inlined
+def corrected(carried, i):
+    """Floor `i` in the corrected motion: that of the run, and its error."""
+    _, memory, _, h, base = carried
+    state, _, work, _ = memory
+    return Corrected(
+        u=state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i],
+        v=h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i]),
+        rise=work[ROW.RISE, i] + work[base + OWN.RISE, i],
+        bend=work[ROW.BEND, i] + work[base + OWN.BEND, i],
+    )
+
+
+@inlined
+def relative(floor, below, link):
+    """The drift of the story between a floor and the one below it; the floor itself with a link of 0."""
+    return Corrected(
+        u=floor.u - link * below.u,
+        v=floor.v - link * below.v,
+        rise=floor.rise - link * below.rise,
+        bend=floor.bend - link * below.bend,
+    )
+
+
+@inlined
 def whole_path(carried, i):
     """The companion's parabola of story `i`, without its bubbles."""
-    link = carried.scene.linear_terms[at.LINK, i]
-    _, springs, work, _ = carried.memory
-    base = carried.base
-    rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-    bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-    if i > 0:
-        rise -= link * (work[ROW.RISE, i - 1] + work[base + OWN.RISE, i - 1])
-        bend -= link * (work[ROW.BEND, i - 1] + work[base + OWN.BEND, i - 1])
-    n = carried.scene.linear_terms.shape[1] - 1
-    return Stretch(springs[at.DRIFT, n + 1 + i], rise, bend, 0.0, 1.0)
+    linear_terms = carried.scene.linear_terms
+    story = relative(corrected(carried, i), corrected(carried, max(i - 1, 0)), linear_terms[at.LINK, i])
+    return Stretch(carried.memory.springs[at.DRIFT, linear_terms.shape[1] + i], story.rise, story.bend, 0.0, 1.0)
 
 
 @inlined

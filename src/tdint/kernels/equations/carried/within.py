@@ -13,7 +13,7 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, whole_path
+from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, corrected, relative, whole_path
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING, DISSIPATING
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
@@ -43,7 +43,7 @@ def comes_near(carried):
     """
     scene, memory, load, h, base = carried
     linear_terms = scene.linear_terms
-    state, springs, work, _ = memory
+    _, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     square = h * h
     ground = 0.5 * square * (load[at.GROUND_0] + load[at.GROUND_1])
@@ -52,21 +52,16 @@ def comes_near(carried):
     near = False
     still = True
     sum_a = sum_1 = sum_even = 0.0
-    # Of the corrected motion of a floor
-    v0 = h * (state[at.VELOCITY, n - 1] + state[at.ERROR_VELOCITY, n - 1])
-    rise = work[ROW.RISE, n - 1] + work[base + OWN.RISE, n - 1]
-    bend = work[ROW.BEND, n - 1] + work[base + OWN.BEND, n - 1]
+    floor = corrected(carried, n - 1)
     for j in range(1, n + 1):
         i = n - j
-        below = max(i - 1, 0)
-        v0_below = h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
-        rise_below = work[ROW.RISE, below] + work[base + OWN.RISE, below]
-        bend_below = work[ROW.BEND, below] + work[base + OWN.BEND, below]
-        u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
+        below = corrected(carried, max(i - 1, 0))
+        story = relative(floor, below, linear_terms[at.LINK, i])
         a1 = work[base + OWN.A1, i]
+        a0 = work[ROW.BEND, i] - 0.5 * a1
         even = abs(work[base + OWN.EVEN, i])
-        near |= _comes_near(u0, v0, bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
-        near |= _comes_near(v0, work[ROW.BEND, i] - 0.5 * a1, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
+        near |= _comes_near(floor.u, floor.v, floor.bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
+        near |= _comes_near(floor.v, a0, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
         a = work[ROW.BEND, i] + ground
         a1 += jerk
         near |= abs(a) + 0.5 * abs(a1) + _BULGES * even > square * work[peaks + at.PEAK_ACCELERATION, i]
@@ -76,26 +71,23 @@ def comes_near(carried):
         sum_1 = above * sum_1 + mass * a1
         sum_even = above * sum_even + mass * even
         near |= abs(sum_a) + 0.5 * abs(sum_1) + _BULGES * sum_even > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
-        link = linear_terms[at.LINK, i] if i > 0 else 0.0
-        rate = v0 - link * v0_below
-        change = bend - link * bend_below
         start = springs[at.DRIFT, n + 1 + i]
-        near |= _comes_near(start, rate, change, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        near |= _comes_near(start, story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
         if BENDING:
-            slope = springs[at.SLOPE, n + 1 + i]
+            force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
             slope = slope if slope < math.inf else 0.0
-            near |= _comes_near(
-                springs[at.FORCE, n + 1 + i], slope * rate, slope * change, 0.0, work[peaks + at.PEAK_SHEAR, i]
-            )
-            way = rise - link * rise_below
-            middle = start + 0.5 * way - 0.25 * change
+            near |= _comes_near(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
+            middle = start + 0.5 * story.rise - 0.25 * story.bend
+            end = start + story.rise
             turn = springs[at.TURN, n + 1 + i]
-            still &= (turn * (way - 0.5 * change) >= 0.0) & (turn * (way + 0.5 * change) >= 0.0)
-            still &= max(start, middle, start + way) <= springs[at.UPPER, n + 1 + i]
-            still &= min(start, middle, start + way) >= springs[at.LOWER, n + 1 + i]
+            still &= turn * (story.rise - 0.5 * story.bend) >= 0.0
+            still &= turn * (story.rise + 0.5 * story.bend) >= 0.0
+            still &= max(start, middle, end) <= springs[at.UPPER, n + 1 + i]
+            still &= min(start, middle, end) >= springs[at.LOWER, n + 1 + i]
         if DASHPOTS:
-            near |= max(abs(rate), abs(rate + change)) > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
-        v0, rise, bend = v0_below, rise_below, bend_below
+            fastest = max(abs(story.v), abs(story.v + story.bend))
+            near |= fastest > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+        floor = below
     return near, still
 
 
@@ -111,8 +103,9 @@ def _comes_near(value, rate, change, more, peak):
 def passes(scene, h, load, memory, base):
     """What may pass its peak within the step, if anything comes near one: nothing (0), accelerations or total shears at
     its end (1), something inside (2); and the first and the last floor of which something does."""
+    carried = Carried(scene, memory, load, h, base)
     linear_terms = scene.linear_terms
-    state, springs, work, _ = memory
+    _, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     square = h * h
     peaks = base + OWN.PEAKS
@@ -121,14 +114,13 @@ def passes(scene, h, load, memory, base):
     sum_0 = sum_1 = even = 0.0
     for j in range(1, n + 1):
         i = n - j
-        u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
-        v0 = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        here = (v0 * (v0 + bend) <= 0.0) & _beyond(u0, v0, bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
+        floor = corrected(carried, i)
+        story = relative(floor, corrected(carried, max(i - 1, 0)), linear_terms[at.LINK, i])
+        here = _turns(floor) & _beyond(floor.u, floor.v, floor.bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
         a0 = work[ROW.BEND, i] - 0.5 * work[base + OWN.A1, i]
         a1 = work[ROW.BEND, i] + 0.5 * work[base + OWN.A1, i]
         more = _BULGE * abs(work[base + OWN.EVEN, i])
-        here |= (a0 * a1 <= 0.0) & _beyond(v0, a0, a1 - a0, more, h * work[peaks + at.PEAK_VELOCITY, i])
+        here |= (a0 * a1 <= 0.0) & _beyond(floor.v, a0, a1 - a0, more, h * work[peaks + at.PEAK_VELOCITY, i])
         a0 += square * load[at.GROUND_0]
         a1 += square * load[at.GROUND_1]
         beyond, inside = _bulges(a0, a1, work[base + OWN.EVEN, i], square * work[peaks + at.PEAK_ACCELERATION, i])
@@ -142,21 +134,24 @@ def passes(scene, h, load, memory, base):
         beyond, inside = _bulges(sum_0, sum_1, even, square * work[peaks + at.PEAK_TOTAL_SHEAR, i])
         here |= inside
         end |= beyond
-        link = linear_terms[at.LINK, i] if i > 0 else 0.0
-        below = max(i - 1, 0)
-        v0 -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
-        bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
-        passed = _beyond(springs[at.DRIFT, n + 1 + i], v0, bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        passed = _beyond(springs[at.DRIFT, n + 1 + i], story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
         force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
-        passed |= _beyond(force, slope * v0, slope * bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
-        here |= (v0 * (v0 + bend) <= 0.0) & passed
+        passed |= _beyond(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
+        here |= _turns(story) & passed
         if DASHPOTS:
-            here |= max(abs(v0), abs(v0 + bend)) >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+            fastest = max(abs(story.v), abs(story.v + story.bend))
+            here |= fastest >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
         turning |= here
         ending |= end
         low = i if here | end else low
         high = max(high, i) if here | end else high
     return 2 if turning else 1 if ending else 0, low, high
+
+
+@inlined
+def _turns(motion):
+    """Whether a parabola turns within the step."""
+    return motion.v * (motion.v + motion.bend) <= 0.0
 
 
 @inlined
@@ -191,7 +186,7 @@ def look_within(scene, h, load, memory, base, calm, passing):
     by_h = 1.0 / h
     for k in range(count):
         for i in range(0 if MODAL else max(low - 2, 0), n):
-            work[base + OWN.MOTION + k, i] = by_h * _rate(work, base, work[base + OWN.FORCES + k, n], i)
+            work[base + OWN.MOTION + k, i] = by_h * _rate(carried, work[base + OWN.FORCES + k, n], i)
     for i in range(max(low - 1, 0), min(high + 2, n)):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         _force(carried, i, still, count)
@@ -202,7 +197,7 @@ def look_within(scene, h, load, memory, base, calm, passing):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         for given in range(2):
             if turning:
-                link = scene.linear_terms[at.LINK, i] if i > 0 and given > 0 else 0.0
+                link = scene.linear_terms[at.LINK, i] if given > 0 else 0.0
                 sheared = still and given > 0
                 _move(carried, i, link, sheared, count, _OF_MOTION[2 * given], _OF_MOTION[2 * given + 1])
         for given in range(2 if still else 3):
@@ -264,7 +259,7 @@ def _force(carried, i, still, count):
     whole = whole_path(carried, i)
     bubbles = bubbles_of(carried, i)
     damper, geometric = linear_terms[at.STORY_DAMPER, i], linear_terms[at.GEOMETRIC, i]
-    link = linear_terms[at.LINK, i] if i > 0 else 0.0
+    link = linear_terms[at.LINK, i]
     results = Integrals(work, base + OWN.PATH)
     past = 0
     here = 0.0
@@ -292,12 +287,13 @@ def _force(carried, i, still, count):
 
 
 @inlined
-def _rate(work, base, t, i):
+def _rate(carried, t, i):
     """h times the velocity of a floor on the companion's path."""
+    base, work = carried.base, carried.memory.work
     s = t - 0.5
-    parabola = work[ROW.RISE, i] + work[base + OWN.RISE, i] + s * (work[ROW.BEND, i] + work[base + OWN.BEND, i])
+    floor = corrected(carried, i)
     even = 120.0 * s * (s * s - 0.25) * work[base + OWN.EVEN, i]
-    return parabola + even + (2.5 - 30.0 * s * s) * work[base + OWN.ODD, i]
+    return floor.rise + s * floor.bend + even + (2.5 - 30.0 * s * s) * work[base + OWN.ODD, i]
 
 
 @inlined
@@ -349,18 +345,11 @@ def _move(carried, i, link, still, count, peak, fastest):
     """Raise the peaks of displacement and velocity of floor `i`, or with a link of its drift and drift rate, and of the
     shear of a story that keeps to a linear branch (`still`)."""
     _, memory, _, h, base = carried
-    state, springs, work, _ = memory
+    _, springs, work, _ = memory
     n = carried.scene.linear_terms.shape[1] - 1
     below = max(i - 1, 0)
     square = h * h
-    u = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
-    u -= link * (state[at.DISPLACEMENT, below] + state[at.ERROR_DISPLACEMENT, below])
-    v = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-    v -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
-    rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-    rise -= link * (work[ROW.RISE, below] + work[base + OWN.RISE, below])
-    bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-    bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
+    u, v, rise, bend = relative(corrected(carried, i), corrected(carried, below), link)
     row = base + OWN.MOTION
     goes_far = _comes_near(u, v, bend, 0.0, work[base + OWN.PEAKS + peak, i])
     if BENDING and still:

@@ -1,4 +1,4 @@
-"""A process that compiles kernels of one variant, one after the other: `python -P -m tdint.kernels.building.build`.
+"""A process that compiles kernels of one variant, one after the other: `python -P -m tdint.kernels.build`.
 
 A line of its standard input asks for one, as JSON: `["MODULE:KERNEL", FILE]`, where FILE is that of a module that
 cannot be found by its name, else null. Its objects, for the targets that TDINT_KERNELS_TARGETS names, go to standard
@@ -87,8 +87,8 @@ def _module(name: str, file: str) -> Any:
 
 def _add_laws(variant: str) -> None:
     """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws is imported."""
+    from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE
-    from tdint.kernels.building.variant import parse
     from tdint.kernels.laws import LAWS, linear
     from tdint.kernels.laws.law import DriftLaw
 
