@@ -30,11 +30,6 @@ Q2 = 3
 _FACTORS = BALANCE_ROWS  # rows of work of the first sub-step, then of the second
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _FACTORS + 2 * factor_rows(modes)
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step: two sub-steps, each in equilibrium at its end."""
@@ -113,7 +108,7 @@ def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
     return (gamma, q0, q1, gamma / 2.0 if math.isclose(q2, gamma / 2.0, rel_tol=1e-14) else q2)
 
 
-FAMILY = Family("bathe", step, work_rows)
+FAMILY = Family("bathe", step, lambda modes: _FACTORS + 2 * factor_rows(modes))
 
 METHODS = (
     Method(

@@ -26,11 +26,6 @@ _SERIES_BELOW = 4.0
 _TERMS = 18, 6.0  # and these times the largest omega h
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs."""
-    return 2
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
@@ -187,7 +182,7 @@ def _from_modes(
 FAMILY = Family(
     "exact",
     step,
-    work_rows,
+    lambda modes: 2,
     memory=(at.DISPLACEMENT, at.VELOCITY),
     halvable=False,
     linear_only=True,

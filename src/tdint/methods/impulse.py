@@ -45,11 +45,6 @@ class _TangentRows(NamedTuple):
 _ROW, _STORE = at.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _STORE + 6 * modes + 1
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
@@ -169,7 +164,9 @@ def _limit(beta: float) -> float:
 
 PUBLISHED = 1.0 / 144.0
 
-FAMILY = Family("impulse", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), power_dampers=False)
+FAMILY = Family(
+    "impulse", step, lambda modes: _STORE + 6 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY), power_dampers=False
+)
 
 METHODS = (
     Method(

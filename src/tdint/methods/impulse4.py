@@ -36,11 +36,6 @@ _BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that h
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return FACTORS + 2 * factor_rows(modes)
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
@@ -322,7 +317,7 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     )
 
 
-FAMILY = Family("impulse4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY))
+FAMILY = Family("impulse4", step, lambda modes: FACTORS + 2 * factor_rows(modes), memory=(at.DISPLACEMENT, at.VELOCITY))
 
 METHODS = (
     Method(

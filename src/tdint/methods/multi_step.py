@@ -45,11 +45,6 @@ START = 2
 """Steps of average acceleration before the first multi-step."""
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _FACTORS + factor_rows(modes)
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of the family, of average acceleration for the first two."""
@@ -122,7 +117,7 @@ def _family(*memory: int) -> Family:
     return Family(
         "multi-step",
         step,
-        work_rows,
+        lambda modes: _FACTORS + factor_rows(modes),
         memory=memory,
         state_rows=OLDER_MEAN_ACCELERATION + 1,
         derivatives=(0, 1, 2, 1, 1, 2, 2),

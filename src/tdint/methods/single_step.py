@@ -40,11 +40,6 @@ _LOAD_0 = BALANCE_ROWS  # at the start of the step
 _FACTORS = _LOAD_0 + 1
 
 
-def work_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _FACTORS + factor_rows(modes)
-
-
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of the family; the unknown of the balance is da."""
@@ -92,7 +87,7 @@ def _predict(coefficients, linear_terms, forces, h, load, state, work):
         work[ROW.A, i] = a
 
 
-FAMILY = Family("single-step", step, work_rows)
+FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes))
 
 
 def newmark(beta: float, gamma: float) -> tuple[float, ...]:

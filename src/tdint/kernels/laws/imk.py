@@ -64,7 +64,7 @@ _AGAIN = 1e-6  # over the farthest drift: a turn no farther from the last one is
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import extra_rows, walking
+    from tdint.kernels.laws.walking import extra_rows, fail, walking
 
     @inlined
     def of(side, row):
@@ -131,21 +131,12 @@ def _functions() -> LawFunctions:
         before = springs[block + at.WORK, i] - stored
         return beta(law_parameters, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
 
-    @inlined
-    def fail(springs, i, block):
-        springs[block + at.INTERNAL, i] = _FAILED
-        springs[block + at.FORCE, i] = 0.0
-        springs[block + at.SLOPE, i] = 0.0
-        springs[block + at.TURN, i] = 0.0
-        springs[block + at.UPPER, i] = math.inf
-        springs[block + at.LOWER, i] = -math.inf
-
     @called
     def load(law_parameters, springs, i, block, side, kind, slope, end):
         """Put the story on a loading branch of a side that goes up to the drift `end`."""
         ultimate = given(law_parameters, i, side, _ULTIMATE_DRIFT)
         if side * springs[block + at.DRIFT, i] >= ultimate * (1.0 - _HERE):
-            fail(springs, i, block)
+            fail(springs, i, block, _FAILED)
             return
         end = min(end, ultimate)
         springs[block + at.INTERNAL, i] = side * kind
@@ -218,7 +209,7 @@ def _functions() -> LawFunctions:
             lost = 0.0
         springs[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
-            fail(springs, i, block)
+            fail(springs, i, block, _FAILED)
             return
         slope = springs[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
         springs[first + _UNLOADING_STIFFNESS, i] = slope
@@ -252,7 +243,7 @@ def _functions() -> LawFunctions:
         springs[block + at.FORCE, i] = 0.0
         springs[first + _TURNED_AT, i] = math.inf
         if deteriorate(law_parameters, springs, i, block, side):
-            fail(springs, i, block)
+            fail(springs, i, block, _FAILED)
             return
         stiffness = springs[first + _UNLOADING_STIFFNESS, i]
         zero = side * springs[block + at.DRIFT, i]
@@ -309,7 +300,7 @@ def _functions() -> LawFunctions:
             else:
                 reload(law_parameters, springs, i, block, event)
         elif event * springs[block + at.DRIFT, i] >= given(law_parameters, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
-            fail(springs, i, block)
+            fail(springs, i, block, _FAILED)
         elif kind == _PINCHED:
             aim(law_parameters, springs, i, block, event)
         elif kind == _TO_PEAK:

@@ -55,7 +55,7 @@ _FLAT = 1e-8  # over the stiffness
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import extra_rows, walking
+    from tdint.kernels.laws.walking import extra_rows, fail, walking
 
     @inlined
     def of(side, row):
@@ -218,15 +218,6 @@ def _functions() -> LawFunctions:
                 b, c = u + (fb - f) / leave, d - (fd - fc) / arrive
         return checked(u, f, (b, fb, c, fc, d, fd), _FLAT * k, secant)
 
-    @inlined
-    def fail(springs, i, block):
-        springs[block + at.INTERNAL, i] = _FAILED
-        springs[block + at.FORCE, i] = 0.0
-        springs[block + at.SLOPE, i] = 0.0
-        springs[block + at.TURN, i] = 0.0
-        springs[block + at.UPPER, i] = math.inf
-        springs[block + at.LOWER, i] = -math.inf
-
     @called
     def lead(law_parameters, springs, i, block, side, kind, slope, end):
         """Put the story on a branch that goes up to the drift `end` of a side."""
@@ -296,7 +287,7 @@ def _functions() -> LawFunctions:
             turn(law_parameters, springs, i, block, -springs[block + at.TURN, i])
             return
         if reached >= law_parameters[_ULTIMATE, i] * (1.0 - _HERE):
-            fail(springs, i, block)
+            fail(springs, i, block, _FAILED)
             return
         if degrades(law_parameters, i) and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE:
             held = losses(law_parameters, springs, i, block)

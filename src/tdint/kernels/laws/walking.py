@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from tdint.kernels import layout as at
@@ -33,6 +34,17 @@ def copy_extra_rows(springs, i, past, trial):
     """Copy the further rows of story `i` between two blocks, where there are any."""
     for row in range((springs.shape[0] - at.EXTRA_ROWS) // at.SPRING_BLOCKS):
         springs[extra_rows(springs, trial) + row, i] = springs[extra_rows(springs, past) + row, i]
+
+
+@inlined
+def fail(springs, i, block, failed):
+    """Let story `i` carry nothing any more; INTERNAL is `failed` from then on."""
+    springs[block + at.INTERNAL, i] = failed
+    springs[block + at.FORCE, i] = 0.0
+    springs[block + at.SLOPE, i] = 0.0
+    springs[block + at.TURN, i] = 0.0
+    springs[block + at.UPPER, i] = math.inf
+    springs[block + at.LOWER, i] = -math.inf
 
 
 def advancing(own: Any) -> Any:

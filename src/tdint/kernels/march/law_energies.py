@@ -1,5 +1,4 @@
-"""What a march asks of the drift laws beside the steps: a beginning, energies, and the
-forces where stories turned.
+"""What a march asks of the drift laws beside the steps: a beginning, energies, and the forces where stories turned.
 
 The march is given these as kernels of their own, as it is given the step, so that it is compiled once for all laws.
 """

@@ -53,8 +53,7 @@ def observe(scene, t, span, slope, memory, seen):
     rate_above = 0.0
     v = state[at.VELOCITY, n - 1]
     v_0 = watch[at.V_BEFORE, n - 1]
-    for j in range(1, n + 1):
-        i = n - j
+    for i in range(n - 1, -1, -1):
         below = max(i - 1, 0)
         v_below = state[at.VELOCITY, below]
         v_0_below = watch[at.V_BEFORE, below]

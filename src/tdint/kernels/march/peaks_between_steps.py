@@ -82,8 +82,7 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     n = linear_terms.shape[1] - 1
     above, mass = _NOTHING, 0.0
     floor = _floor(span.fast, passage, n - 1)
-    for j in range(1, n + 1):
-        i = n - j
+    for i in range(n - 1, -1, -1):
         below = _floor(span.fast, passage, max(i - 1, 0))
         story = _story(floor, below, linear_terms[at.LINK, i], springs[at.DRIFT, i])
         turns[turn, i] = story.u1

@@ -15,7 +15,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Array
+from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING
 from tdint.kernels.linear_terms import power_damper
@@ -89,14 +89,19 @@ def follow(law_parameters, springs, i, whole, bubbles, results):
 @inlined
 def _add(results, i, weight, s, force, tangent):
     """Add a point of the path to the integrals."""
-    work, out = results
-    by_even = weight * tangent * even(s)
-    by_odd = weight * tangent * odd(s)
     weighted = weight * force
-    work[out + RESULT.MEAN, i] += weighted
-    work[out + RESULT.MOMENT, i] += 12.0 * s * weighted
-    work[out + RESULT.SECOND, i] += (180.0 * s * s - 15.0) * weighted
-    work[out + RESULT.THIRD, i] += s * (s * s - 0.15) * weighted
+    _sum_up(results, i, s, weighted, weighted, weight * tangent * even(s), weight * tangent * odd(s))
+
+
+@inlined
+def _sum_up(results, i, s, force, beyond, by_even, by_odd):
+    """Add the force at a point, `beyond` of which counts for second and third moment, and what it gains by the
+    bubbles, all times the point's weight."""
+    work, out = results
+    work[out + RESULT.MEAN, i] += force
+    work[out + RESULT.MOMENT, i] += 12.0 * s * force
+    work[out + RESULT.SECOND, i] += (180.0 * s * s - 15.0) * beyond
+    work[out + RESULT.THIRD, i] += s * (s * s - 0.15) * beyond
     work[out + RESULT.MEAN_BY_EVEN, i] += by_even
     work[out + RESULT.MEAN_BY_ODD, i] += by_odd
     work[out + RESULT.MOMENT_BY_EVEN, i] += 12.0 * s * by_even
@@ -224,34 +229,25 @@ def set_out(springs, i):
 
 
 class _Dashpot(NamedTuple):
-    """The motion of a dashpot, and where its results go: column `column` of rows from `first` on."""
+    """The motion of a dashpot, and where its results go, and in which column."""
 
     rise: float
     bend: float
     cubic: float
     h: float
-    work: Array
-    first: int
+    results: Integrals
     column: int
 
 
 @inlined
 def _add_rate(linear_terms, i, move, s, weight):
-    rise, bend, cubic, h, work, out, column = move
+    rise, bend, cubic, h, results, column = move
     force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     slope *= weight / h
     force *= weight
     by_even = slope * 120.0 * s * (s * s - 0.25)
     by_odd = slope * (2.5 - 30.0 * s * s)
-    beyond = force - by_odd * cubic / 60.0
-    work[out + RESULT.MEAN, column] += force
-    work[out + RESULT.MOMENT, column] += 12.0 * s * force
-    work[out + RESULT.SECOND, column] += (180.0 * s * s - 15.0) * beyond
-    work[out + RESULT.THIRD, column] += s * (s * s - 0.15) * beyond
-    work[out + RESULT.MEAN_BY_EVEN, column] += by_even
-    work[out + RESULT.MEAN_BY_ODD, column] += by_odd
-    work[out + RESULT.MOMENT_BY_EVEN, column] += 12.0 * s * by_even
-    work[out + RESULT.MOMENT_BY_ODD, column] += 12.0 * s * by_odd
+    _sum_up(results, column, s, force, force - by_odd * cubic / 60.0, by_even, by_odd)
 
 
 @called
@@ -280,4 +276,4 @@ _over_parts = cut_at_rest(_part)
 def add_dashpot(linear_terms, i, h, whole, cubic, results, column):
     """Add a power-law dashpot along the same path; its rate has `cubic` (3 s^2 - 1/4) / 6 beside that of the
     parabola."""
-    _over_parts(linear_terms, i, _Dashpot(whole.rise, whole.bend, cubic, h, results.table, results.first, column))
+    _over_parts(linear_terms, i, _Dashpot(whole.rise, whole.bend, cubic, h, results, column))

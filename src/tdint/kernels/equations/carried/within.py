@@ -53,8 +53,7 @@ def comes_near(carried):
     still = True
     sum_a = sum_1 = sum_even = 0.0
     floor = corrected(carried, n - 1)
-    for j in range(1, n + 1):
-        i = n - j
+    for i in range(n - 1, -1, -1):
         below = corrected(carried, max(i - 1, 0))
         story = relative(floor, below, linear_terms[at.LINK, i])
         a1 = work[base + OWN.A1, i]
@@ -112,8 +111,7 @@ def passes(scene, h, load, memory, base):
     turning = ending = False
     low, high = n, -1
     sum_0 = sum_1 = even = 0.0
-    for j in range(1, n + 1):
-        i = n - j
+    for i in range(n - 1, -1, -1):
         floor = corrected(carried, i)
         story = relative(floor, corrected(carried, max(i - 1, 0)), linear_terms[at.LINK, i])
         here = _turns(floor) & _beyond(floor.u, floor.v, floor.bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
@@ -320,8 +318,7 @@ def _accelerate(carried, k, low, high):
         for j in range(forces.shape[0]):
             work[base + OWN.OTHER + 1, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + t * h)
     damped = before = 0.0
-    for j in range(1, n + 1 - max(low - 1, 0)):
-        i = n - j
+    for i in range(n - 1, max(low - 1, 0) - 1, -1):
         link = linear_terms[at.LINK, i + 1]
         own = linear_terms[at.FLOOR_DAMPER, i] * work[motion, i]
         if MODAL:
