@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from tdint.ground_motion.header_checks import gse, mseed, recorders, sac, statement
+from tdint.ground_motion.header_checks import exchange, mseed, recorders
 from tdint.ground_motion.header_checks.statement import Statement, check_step, compare
 
 
@@ -32,13 +32,13 @@ class Check:
 
 CHECKS = {
     "MSEED": Check(mseed.mseed_statements, mseed.look_at_mseed),
-    "SAC": Check(sac.sac_statements, sac.look_at_sac),
-    "GSE1": Check(gse.gse_statements, gse.look_at_gse),
-    "GSE2": Check(gse.gse_statements, gse.look_at_gse),
-    "SLIST": Check(statement.timeseries_statements, statement.look_at_timeseries),
-    "TSPAIR": Check(statement.timeseries_statements, statement.look_at_timeseries),
-    "SH_ASC": Check(statement.handler_statements, statement.look_at_handler),
-    "KNET": Check(statement.knet_statements),
+    "SAC": Check(exchange.sac_statements, exchange.look_at_sac),
+    "GSE1": Check(exchange.gse_statements, exchange.look_at_gse),
+    "GSE2": Check(exchange.gse_statements, exchange.look_at_gse),
+    "SLIST": Check(exchange.timeseries_statements, exchange.look_at_timeseries),
+    "TSPAIR": Check(exchange.timeseries_statements, exchange.look_at_timeseries),
+    "SH_ASC": Check(exchange.handler_statements, exchange.look_at_handler),
+    "KNET": Check(exchange.knet_statements),
     "KINEMETRICS_EVT": Check(recorders.evt_statements, recorders.look_at_evt),
     "GCF": Check(recorders.gcf_statements, recorders.look_at_gcf),
     "REFTEK130": Check(recorders.reftek_statements, recorders.look_at_reftek),

@@ -1,0 +1,242 @@
+"""Formats in which records are exchanged: SAC, GSE, and texts whose header says how many samples follow."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from tdint.ground_motion.header_checks.statement import CHECKSUM, LENGTH, PEAK, SAMPLES, Damaged, Statement
+
+# SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
+
+_DELTA, _SMALLEST, _LARGEST, _BEGIN, _END, _MEAN = 0, 1, 2, 5, 6, 56
+_VERSION, _COUNT = 76, 79
+_LONGITUDES = (32, 36)
+"""Places of words."""
+
+_UNKNOWN = -12345.0
+_SINGLE = 2.0**-22
+"""Relative rounding of a sum of two single-precision numbers."""
+
+_EXTREME, _AVERAGE = 1e-5, 1e-3
+"""Parts of the peak by which programs round the smallest and largest sample, and the mean, which they sum in single
+precision."""
+
+
+@dataclass(frozen=True)
+class SacHeader:
+    """What the header says: numbers as they stand in it, `count` as an integer."""
+
+    delta: float
+    begin: float
+    end: float
+    smallest: float
+    largest: float
+    mean: float
+    count: int
+
+
+def look_at_sac(data: bytes) -> SacHeader:
+    """Understand the header.
+
+    Raises
+    ------
+    Damaged
+        A longitude is out of all bounds: ObsPy turns it into -180..180 degrees one turn at a time, for ever from 1e30.
+    """
+    order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
+    words = struct.unpack_from(f"{order}70f", data)
+    for place in _LONGITUDES:
+        if not abs(words[place]) <= -_UNKNOWN:
+            raise Damaged(f"its header gives a longitude of {words[place]:g}")
+    (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
+    places = (_DELTA, _BEGIN, _END, _SMALLEST, _LARGEST, _MEAN)
+    delta, begin, end, smallest, largest, mean = (words[place] for place in places)
+    return SacHeader(delta, begin, end, smallest, largest, mean, count)
+
+
+def sac_statements(header: SacHeader, traces: list[Any]) -> list[Statement]:
+    """Number of samples, time of the last one, and the smallest, largest and mean sample."""
+    (trace,) = traces
+    size = len(trace.data)
+    statements = [Statement(SAMPLES, header.count, size)]
+    if _UNKNOWN not in (header.begin, header.end):
+        # Some programs write the time of the sample that would follow.
+        rounding = 1.01 * abs(header.delta) + _SINGLE * (abs(header.end) + abs(header.begin))
+        last = header.begin + (size - 1) * header.delta
+        statements.append(Statement(f"{LENGTH} (time of the last sample)", header.end, last, rounding, "s"))
+    stated = (header.smallest, header.largest, header.mean)
+    # Three zeros are placeholders of programs that do not fill them in.
+    if size and any(stated) and trace.data.dtype.kind in "iuf":
+        samples = np.asarray(trace.data, dtype=np.float64)
+        found = (float(samples.min()), float(samples.max()), float(samples.mean()))
+        peak = max(map(abs, found[:2]))
+        parts = (_EXTREME, _EXTREME, _AVERAGE)
+        names = (f"{PEAK} (smallest sample)", f"{PEAK} (largest sample)", "mean")
+        statements += [
+            Statement(name, number, value, part * peak)
+            for name, number, value, part in zip(names, stated, found, parts, strict=True)
+            if number != _UNKNOWN
+        ]
+    return statements
+
+
+# GSE1 and GSE2 (GSETT documentation, annex D; compression CM6): libgse2 trusts the number of samples and copies lines
+# of any length into 83 bytes; ObsPy compares the checksum.
+
+_LINE = 81
+_FIELDS = {"1": (slice(27, 35), slice(74, 78), b"CMP6"), "2": (slice(48, 56), slice(44, 48), b"CM6")}
+"""Places of the number of samples and of the type of data in the header line, and the type that is compressed."""
+
+_CM6 = re.compile(rb"[-+0-9A-Za-z]*")
+_CM6_LAST = re.compile(rb"[-+0-9A-T]")
+"""A sample's last character; those before it have the bit that tells that more follow."""
+
+
+def look_at_gse(data: bytes) -> list[int]:
+    """Check the sections' compressed data; returns the number of samples that each header states.
+
+    Raises
+    ------
+    Damaged
+        A section is cut off, damaged, or holds another number of samples than its header states.
+    """
+    counts = []
+    for version, lines in _sections(data):
+        npts, datatype, compressed = _FIELDS[version]
+        count = lines[0][npts].strip()
+        if not count.isdigit():
+            raise Damaged("a section does not tell its number of samples")
+        if lines[0][datatype].strip() == compressed:
+            _check_compressed(lines[1:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
+        counts.append(int(count))
+    return counts
+
+
+def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
+    """Number of samples; the checksum, which ObsPy has compared, stands for itself."""
+    if len(counts) != len(traces):
+        raise Damaged(f"it has {len(counts)} sections, {len(traces)} could be read")
+    return [
+        statement
+        for count, trace in zip(counts, traces, strict=True)
+        for statement in (Statement(SAMPLES, count, len(trace.data)), Statement(CHECKSUM, 0.0, 0.0))
+    ]
+
+
+def _sections(data: bytes) -> Iterator[tuple[str, list[bytes]]]:
+    """The sections of a file, each from its WID line on, without the station's line, which is read by itself."""
+    for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
+        if section[:3] != b"WID":
+            continue
+        lines = section.split(b"\n")
+        own = 2 if section[:4] == b"WID1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
+        yield section[3:4].decode(), [lines[0], *lines[own:]]
+
+
+def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
+    """Check that a section's compressed samples are whole and as many as its header states."""
+    # Compressed samples, too, may begin with these letters, but hold no blank.
+    ends = [place for place, line in enumerate(lines) if line.startswith(end + b" ")]
+    begins = [place for place, line in enumerate(lines) if line.startswith(begin)]
+    if not (begins and ends and begins[0] < ends[0]):
+        raise Damaged(f"a section without {begin.decode()}, {end.decode()}")
+    if any(len(line) > _LINE for line in lines[: ends[0]]):
+        raise Damaged(f"a line of data is longer than {_LINE} characters")
+    samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
+    if not _CM6.fullmatch(samples):
+        raise Damaged("a character among the data is none of the compression's")
+    got = len(_CM6_LAST.findall(samples))
+    if got != count:
+        raise Damaged(f"its header states {count} samples, there are {got}")
+
+
+# Texts: SLIST and TSPAIR, Seismic Handler's ASCII, K-NET.
+
+_TIMESERIES = re.compile(rb"^TIMESERIES[^,\n]*,\s*(\d+) samples,\s*([^,\s]+) sps,\s*([^,\s]+)", re.MULTILINE)
+_HANDLER = re.compile(rb"^LENGTH:\s*(\d+)", re.MULTILINE)
+_PAIR = re.compile(rb"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,6})?)\s+\S+\s*\Z")
+
+_GAL = 0.01
+_PRINTED = 0.0006
+"""Rounding of K-NET's peak, printed to a thousandth of a gal, beside that of the zero offset."""
+
+_OFFSET = 1e-3
+"""Part of the peak by which another way to find the zero offset may change it."""
+
+
+def look_at_timeseries(data: bytes) -> list[tuple[int, float]]:
+    """Number of samples and time between the first and the last one (s, nan if not printed) of each section."""
+    sections = []
+    for section in re.split(rb"^(?=TIMESERIES)", data, flags=re.MULTILINE)[1:]:
+        header, last = _TIMESERIES.match(section), _PAIR.search(section[-200:])
+        if not header:
+            raise Damaged("a header TIMESERIES does not tell samples, rate and time")
+        sections.append((int(header[1]), _between(header[3], last[1]) if last else math.nan))
+    return sections
+
+
+def timeseries_statements(sections: list[tuple[int, float]], traces: list[Any]) -> list[Statement]:
+    """Number of samples, and the time of the last one where times are printed."""
+    _same_number(len(sections), len(traces))
+    statements = []
+    for (count, length), trace in zip(sections, traces, strict=True):
+        statements.append(Statement(SAMPLES, count, len(trace.data), where=trace.id))
+        if not math.isnan(length):
+            dt = float(trace.stats.delta)
+            statements.append(Statement(LENGTH, length, (len(trace.data) - 1) * dt, 0.1 * dt, "s", trace.id))
+    return statements
+
+
+def look_at_handler(data: bytes) -> list[int]:
+    """Number of samples of each section of a file of Seismic Handler."""
+    return [int(count) for count in _HANDLER.findall(data)]
+
+
+def handler_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
+    """Number of samples, where the header has it."""
+    if counts:
+        _same_number(len(counts), len(traces))
+    return [
+        Statement(SAMPLES, count, len(trace.data), where=trace.id) for count, trace in zip(counts, traces, strict=False)
+    ]
+
+
+def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
+    """Number of samples, by duration and rate, and the peak without the zero offset, gal."""
+    statements = []
+    for trace in traces:
+        header = trace.stats.get("knet")
+        if header is None:
+            raise Damaged("its header has no end")
+        length = header.duration * trace.stats.sampling_rate
+        if not (math.isfinite(length) and length > 0.0):
+            raise Damaged("its header gives no length that a record can have")
+        statements.append(Statement(SAMPLES, round(length), len(trace.data)))
+        if len(trace.data):
+            samples = np.asarray(trace.data, dtype=np.float64)
+            peak = float(np.max(np.abs(samples - samples.mean()))) * trace.stats.calib / _GAL
+            rounding = _PRINTED + _OFFSET * peak
+            statements.append(Statement(PEAK, header.accmax, peak, rounding, "gal", measured=True))
+    return statements
+
+
+def _between(first: bytes, last: bytes) -> float:
+    """Seconds from one printed time to another; nan if one is none."""
+    try:
+        start, end = (datetime.fromisoformat(text.decode("ascii")) for text in (first, last))
+        return (end - start).total_seconds()
+    except (ValueError, TypeError):
+        return math.nan
+
+
+def _same_number(stated: int, found: int) -> None:
+    if stated != found:
+        raise Damaged(f"it has {stated} headers of channels, {found} could be read")
