@@ -48,6 +48,10 @@ def test_texts_that_mean_numbers() -> None:
     model = tdint.load_model(MODEL)
     assert tdint.run(model, record(), tolerance="1%").dt == tdint.run(model, record(), tolerance=0.01).dt
     assert tdint.spectrum(record(), np.array([1.0]), "5%").damping == 0.05  # type: ignore[arg-type]
+    assert tdint.pushover(model, 0.02).drift.tolist() == tdint.pushover(model, "2%").drift.tolist()
+    halves = [tdint.cyclic_test(model, 1, [given], points=9).path.drift for given in (0.02, "2%")]
+    assert np.array_equal(*halves)
+    assert model.replace(damping="2%") == model.replace(damping=0.02)
     response = tdint.run(model, record(), history=True)
     (roof,) = tdint.floor_spectra(response, ["roof"], np.array([1.0]))
     assert roof.floor == 10
@@ -73,6 +77,12 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
     (ModelError, lambda model: tdint.modes(None)),  # type: ignore[arg-type]
     (ModelError, lambda model: tdint.pushover(5, "2%")),  # type: ignore[arg-type]
     (ModelError, lambda model: tdint.cyclic_test(None, 1, ["1%"])),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.pushover(model, 2)),
+    (UsageError, lambda model: tdint.pushover(model, None)),  # type: ignore[arg-type]
+    (UsageError, lambda model: model.replace(damping=None)),
+    (UsageError, lambda model: model.replace(stiffness_factor="stiff")),
+    (UsageError, lambda model: tdint.run_case(model)),
+    (UsageError, lambda model: tdint.run_sequence(model, [record()])),
     (RecordError, lambda model: tdint.ida(model, [SAMPLES])),  # type: ignore[list-item]
 ]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.reading.read import make_record, read_record
 from tdint.ground_motion.record import Record
+from tdint.units import DriftSize, parse_drift
 from tdint.written_numbers import parse_ratio
 
 if TYPE_CHECKING:
@@ -94,6 +95,13 @@ def damping_of(given: Any) -> float:
     if ratio is None or not 0.0 <= ratio < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {given!r:.60}")
     return ratio
+
+
+def drift_of(given: Any) -> DriftSize:
+    """A drift, of a text as `parse_drift` has it, or of a number, a drift ratio. UsageError as by both."""
+    if isinstance(given, DriftSize):
+        return given
+    return parse_drift(given if isinstance(given, str) else str(number_of(given, "drift")))
 
 
 def _kind(given: Any) -> str:

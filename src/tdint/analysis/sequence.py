@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from tdint.analysis.given import number_of
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.case import REST_PERIODS, Case, until_rest
+from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
 from tdint.analysis.run.error_estimate import FINER, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
@@ -130,7 +130,7 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
-    sequence = sequence_of(case, records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt"))
+    sequence = sequence_of(case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt"))
     joined = replace(case.under(sequence.whole), remarks=(*case.remarks, *sequence.notes))
     assert joined.record is not None
     duration = joined.record.duration

@@ -16,7 +16,7 @@ from tdint.ground_motion.processing import RecordChoice
 from tdint.model.damage_states import DamageStates
 from tdint.model.laws import LAWS, LINEAR, Law
 from tdint.output_units import SI, OutputUnits
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, parse_ratio
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
@@ -259,7 +259,7 @@ class Model:
     label: str = ""
     damage: DamageStates | None = None
 
-    def replace(self, **changes: float) -> Model:
+    def replace(self, **changes: float | str) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
 
         Names are those of `PARAMETERS`, which tells what they mean; what changes with them (modes, drifts at yield,
@@ -271,9 +271,10 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
-        model = self
-        for name, value in changes.items():
+        model, numbers = self, dict[str, float]()
+        for name, given in changes.items():
             check_parameter(name)
+            numbers[name] = value = _number(name, given)
             check_value(name, value)
             if name == "damping":
                 model = replace(model, damping=_damped(model, value))
@@ -291,7 +292,7 @@ class Model:
             if fault := LAWS[story.law.name].fault(story.stiffness, story.law.parameters):
                 raise UsageError(f"{model.name}: story {number} cannot be varied so: {fault}")
         before = dict(model.varied)
-        return replace(model, varied=tuple((before | changes).items()))
+        return replace(model, varied=tuple((before | numbers).items()))
 
     def __repr__(self) -> str:
         count = len(self.stories)
@@ -376,6 +377,14 @@ def check_parameter(name: str) -> None:
         hint = did_you_mean(name, PARAMETERS)
         names = ", ".join(PARAMETERS)
         raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and factors of one story, `story 3.NAME`")
+
+
+def _number(name: str, given: float | str) -> float:
+    """A number, or that of a text such as `2%`."""
+    try:
+        return parse_ratio(given) if isinstance(given, str) else float(given)
+    except (TypeError, ValueError):
+        raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
 
 
 def check_value(name: str, value: float) -> None:

@@ -341,6 +341,13 @@ class Case:
         )
 
 
+def case_of(given: Case) -> Case:
+    """A case; UsageError for what is none."""
+    if not isinstance(given, Case):
+        raise UsageError(f"a case is what prepare(model, record) gives, got a {type(given).__name__}")
+    return given
+
+
 def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made; shape (runs,)."""
     numbers = marched.totals

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 from tdint.analysis.given import number_of, ratio_of, record_of
-from tdint.analysis.run.case import Case
+from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import FailedRun as FailedRun
@@ -194,6 +194,7 @@ def run_case(
     equal: bool = False,
 ) -> Response:
     """Integrate a case in time. Parameters and errors are those of `run`; `equal`: steps for a tolerance, too."""
+    case = case_of(case)
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import drift_of
 from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
@@ -19,7 +20,7 @@ from tdint.model.building import Building, assemble, variant
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
-from tdint.units import DriftSize, parse_drift
+from tdint.units import DriftSize
 from tdint.written_numbers import how_many
 
 MOST_POINTS = 2_000_000
@@ -160,7 +161,7 @@ class CyclicTest(Tabular):
 
 
 def cyclic_test(
-    model: Model, story: int, sizes: Sequence[DriftSize | str], *, cycles: int = 1, points: int = 200
+    model: Model, story: int, sizes: Sequence[DriftSize | str | float], *, cycles: int = 1, points: int = 200
 ) -> CyclicTest:
     """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
 
@@ -171,8 +172,8 @@ def cyclic_test(
     ----------
     story : int
         Counted from 1.
-    sizes : sequence of DriftSize or str
-        Amplitudes, such as `0.02`, `2%`, `20mm` or `4dy`.
+    sizes : sequence of DriftSize, str or float
+        Amplitudes, such as `0.02`, `2%`, `20mm` or `4dy`; of a number, a drift ratio.
     cycles, points : int
         Cycles of each amplitude; points of a quarter of a cycle.
 
@@ -189,8 +190,7 @@ def cyclic_test(
         raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_POINTS:,} points")
     # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
     building = assemble(replace(model, damping=None))
-    written = [parse_drift(size) if isinstance(size, str) else size for size in sizes]
-    amplitudes = [amplitude(size, building, story) for size in written]
+    amplitudes = [amplitude(drift_of(size), building, story) for size in sizes]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
 
 

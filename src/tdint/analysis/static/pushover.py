@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdint.analysis.given import drift_of
 from tdint.analysis.static.cyclic import follow_path
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
@@ -22,7 +23,7 @@ from tdint.model.building import Building, assemble
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
-from tdint.units import DriftSize, parse_drift
+from tdint.units import DriftSize
 
 MOST_POINTS = 100_000
 _CLOSE = 1e-11  # of a force over the story's largest one so far: it carries its share
@@ -104,13 +105,15 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
 """Forces on the floors, up to a factor: the masses times first mode, 1, or height above the ground."""
 
 
-def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode", points: int = 200) -> Pushover:
+def pushover(
+    model: Model, size: DriftSize | str | float, *, pattern: str = "first-mode", points: int = 200
+) -> Pushover:
     """Push a building until its roof has moved by a displacement.
 
     Parameters
     ----------
-    size : DriftSize or str
-        Displacement of the roof, as a length or over the building's height.
+    size : DriftSize, str or float
+        Displacement of the roof, as a length or, also as a number, over the building's height.
     pattern : str
         A key of `PATTERNS`.
     points : int
@@ -130,7 +133,7 @@ def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode"
         raise UsageError(f"points must be from 1 to {MOST_POINTS}, got {points}")
     model = model_of(model)
     building = assemble(replace(model, damping=None))
-    target = _target(parse_drift(size) if isinstance(size, str) else size, building)
+    target = _target(drift_of(size), building)
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()
     chain = _Chain(building, forces)
