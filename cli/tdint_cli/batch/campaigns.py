@@ -307,6 +307,7 @@ def _say(store: Store, advance: Advance) -> None:
 
 def tell_outcomes(store: Store) -> None:
     """How many runs failed, collapsed, were repeated or are not at rest."""
+    from tdint.model.damage_states import FALLEN
     from tdint.output.summaries.summary import without_error
 
     statuses = store.statuses()
@@ -314,7 +315,7 @@ def tell_outcomes(store: Store) -> None:
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells")
-    fell = {name: statuses[name] for name in ("collapsed", "failed-story") if name in statuses}
+    fell = {name: statuses[name] for name in FALLEN if name in statuses}
     if fell:
         say(", ".join(f"{how_many(count, 'run')} {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):

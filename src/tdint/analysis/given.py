@@ -54,6 +54,13 @@ def horizontals_of(given: Any) -> Horizontals:
     raise RecordError(f"a pair is what read_horizontals gives, or two records, got {_kind(given)}")
 
 
+def motion_of(given: Any) -> Record | Horizontals:
+    """A record, or the pair of two. Errors are those of `record_of` and `horizontals_of`."""
+    from tdint.ground_motion.horizontals import Horizontals
+
+    return horizontals_of(given) if isinstance(given, tuple | list | Horizontals) else record_of(given)
+
+
 def number_of(given: Any, name: str) -> float | None:
     """A number, or nothing.
 

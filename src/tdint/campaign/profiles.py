@@ -23,11 +23,10 @@ from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles
 from tdint.ground_motion.pairing import motion_name
+from tdint.model.damage_states import DONE, FALLEN
 from tdint.quantity import Quantity
 
 DRIFT_RATIO = "peak_drift_ratio"
-
-_COLLAPSED = ("collapsed", "failed-story")
 
 
 @dataclass(frozen=True)
@@ -268,10 +267,8 @@ class SuiteRules:
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
                 grouped[self.motions[key.motion], key.sample].append(key)
-            failed = [
-                runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)
-            ]
-            fell = [runs for runs in grouped.values() if any(status[key] in _COLLAPSED for key in runs)]
+            failed = [runs for runs in grouped.values() if any(status[key] not in (DONE, *FALLEN) for key in runs)]
+            fell = [runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)]
             yield SuiteLevel(
                 math.nan if self.several or len(scales) > 1 else scales.pop(),
                 self.values[rank] if self.values else rank + 1.0 if self.several else math.nan,

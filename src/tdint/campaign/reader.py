@@ -9,9 +9,9 @@ from pathlib import Path
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, InventoryFile, ModelFiles, RecordFiles
 from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
+from tdint.campaign.motion_reader import MOTIONS, SEED, read_wanted_motions
 from tdint.campaign.motions import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
-from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_wanted_motions
 from tdint.campaign.sweep import Varied, read_sweep
 from tdint.campaign.sweep import positive as _positive
 from tdint.errors import UsageError

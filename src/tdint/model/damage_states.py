@@ -12,6 +12,9 @@ STATES = ("slight", "moderate", "extensive", "complete")
 """The damage states of Hazus, which are those of GEM's toolkits, too."""
 
 NONE = "none"
+DONE = "done"
+"""How runs end under which a building stands."""
+
 FALLEN = ("collapsed", "failed-story")
 """How runs end under which a building falls: they are told beside the damage states."""
 

@@ -19,12 +19,13 @@ import numpy as np
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
-from tdint.analysis.chart.work_precision import DONE, Chart, Point, Progress, line_of, silent
+from tdint.analysis.chart.work_precision import Chart, Point, Progress, line_of, silent
 from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
+from tdint.model.damage_states import DONE
 from tdint.model.laws import CODES
 
 _REPEATS = 3

@@ -16,6 +16,7 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
+from tdint.model.damage_states import DONE, FALLEN
 from tdint.tabular import Tabular
 
 USUAL = "newmark-average"
@@ -40,8 +41,6 @@ COARSEST = 8
 
 HALVINGS = 7
 """How often it is halved by default."""
-
-DONE, COLLAPSED, FAILED_STORY = "done", "collapsed", "failed-story"
 
 _BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
 _WITH_BETWEEN = 1.7  # times the steps without these
@@ -307,7 +306,7 @@ class _Bench:
         found = Point(
             integrator.label, steps.h, steps.count, self.problem.outcome(integrator, steps), line=line_of(integrator)
         )
-        if found.outcome not in (DONE, COLLAPSED, FAILED_STORY):
+        if found.outcome not in (DONE, *FALLEN):
             return found
         march = self.problem.march(integrator, steps, keep=True)
         if march.motion is None:  # The building ran away.

@@ -20,10 +20,10 @@ from tdint.analysis.given import numbers_of
 from tdint.arrays import Array
 from tdint.campaign.fragility.fits import CLOUD, FITS, IDA, STRIPES, Fragility, fit_capacities, fit_cloud, fit_stripes
 from tdint.campaign.fragility.run_measures import column_of, with_measures
-from tdint.campaign.ida.curve import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.input_bytes import is_folder
+from tdint.model.damage_states import DONE, FALLEN
 from tdint.quantity import suffix
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION
@@ -264,7 +264,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     column, name, unit = _intensity(table, request)
     im = np.array(table.numbers(column, empty=True))
-    collapsed = np.isin(status, COLLAPSED)
+    collapsed = np.isin(status, FALLEN)
     known = im > 0.0
     result = (collapsed | (status == DONE)) & (drift > 0.0) & known
     if not result.any():

@@ -26,10 +26,9 @@ from tdint.campaign.engine.runs import RUN, Run, demand_cells
 from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import level_ranks, motion_numbers
 from tdint.campaign.store.store import Store
-from tdint.model.damage_states import FALLEN, DamageStates
+from tdint.model.damage_states import DONE, FALLEN, DamageStates
 from tdint.model.definition import Model
 
-_DONE = "done"
 _MADE_OF = {
     "drift_ratio": "peak_drift_ratio",
     "roof_drift_ratio": "peak_roof_displacement",
@@ -95,14 +94,14 @@ class BuildingDamage:
         """What became of the building: the state that the medians tell, or how it fell; nothing without a result."""
         reached = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
         return [
-            self.states.outcomes[place] if status == _DONE else status if status in FALLEN else ""
+            self.states.outcomes[place] if status == DONE else status if status in FALLEN else ""
             for place, status in zip(reached.tolist(), self.status, strict=True)
         ]
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """Which runs have a result."""
-        return np.array([status == _DONE or status in FALLEN for status in self.status])
+        return np.array([status == DONE or status in FALLEN for status in self.status])
 
     @property
     def loss(self) -> Array:
@@ -122,7 +121,7 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     found = np.zeros((demand.size, len(states.outcomes)))
     found[:, : -len(FALLEN)] = edges[:, :-1] - edges[:, 1:]
     for run, end in enumerate(status):
-        if end != _DONE:
+        if end != DONE:
             found[run] = [float(outcome == end) for outcome in states.outcomes] if end in FALLEN else math.nan
     return found
 

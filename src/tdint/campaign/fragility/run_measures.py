@@ -25,7 +25,6 @@ from scipy.stats import linregress
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
-from tdint.campaign.ida.curve import COLLAPSED, DONE
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import Store
 from tdint.campaign.suites.intensity import AVERAGE, geometric_mean
@@ -33,6 +32,7 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion import measures
 from tdint.ground_motion.record import Record
+from tdint.model.damage_states import DONE
 from tdint.quantity import suffix
 from tdint.units import ACCELERATION, LENGTH, VELOCITY
 from tdint.written_numbers import Grid, parse_grid, parse_ratio
@@ -284,7 +284,7 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    stood = (status == DONE) & ~np.isin(status, COLLAPSED) & (drift > 0.0)
+    stood = (status == DONE) & (drift > 0.0)
     known = {_SCALE: np.log(np.abs(table.numbers("scale"))), **_characteristics(table, characteristics)}
     known = {name: values for name, values in known.items() if np.unique(values[stood]).size > 1}
     fits = []

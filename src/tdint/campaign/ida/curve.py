@@ -19,10 +19,7 @@ from tdint.arrays import Array
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.runs import RUN_WITH_ERROR, Run, RunRow
 from tdint.ground_motion.record import Record
-
-DONE = "done"
-COLLAPSED = ("collapsed", "failed-story")
-"""Statuses of a run that count as collapse; every other but `done` says nothing of the building."""
+from tdint.model.damage_states import DONE, FALLEN
 
 _UNSTABLE = "unstable-step"
 _OF_ROW = {
@@ -94,8 +91,8 @@ class IdaRun:
 
     @property
     def collapsed(self) -> bool:
-        """Whether the building collapsed, by its own motion."""
-        return self.status in COLLAPSED
+        """Whether the building collapsed, by its own motion; every other status but `done` says nothing of it."""
+        return self.status in FALLEN
 
 
 def run_level(batch: Batch, run: Run) -> RunRow:

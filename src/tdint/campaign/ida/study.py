@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.analysis.given import horizontals_of, record_of
+from tdint.analysis.given import motion_of
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import GivenBuilding
@@ -205,9 +205,7 @@ def ida(
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
     subject, settings = _prepared(model_of(model), settings, method)
-    motions = [
-        horizontals_of(one) if isinstance(one, tuple | list | Horizontals) else record_of(one) for one in motions
-    ]
+    motions = [motion_of(one) for one in motions]
     chosen = measure or sa(subject.period)
     parts = [(motion, record) for motion in motions for record in components(motion)]
     records = [record for _, record in parts]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.given import horizontals_of, numbers_of, record_of
+from tdint.analysis.given import motion_of, numbers_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array
 from tdint.campaign.suites.intensity import (
@@ -292,7 +292,7 @@ def scale(
     RecordError
         A motion is none, or zero.
     """
-    suite = [horizontals_of(one) if isinstance(one, tuple | list | Horizontals) else record_of(one) for one in motions]
+    suite = [motion_of(one) for one in motions]
     chosen = measure_of(measure, damping) if isinstance(measure, str) else measure
     if target is not None:
         if chosen is not None or value is not None:
