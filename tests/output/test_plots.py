@@ -16,12 +16,13 @@ from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.campaign.profiles import Profile
+from tdint.campaign.sensitivity import PEAKS, Swing
 from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.output.figures.demands import profile_picture
+from tdint.output.figures.demands import profile_picture, sensitivity_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture
@@ -93,6 +94,27 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
     assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed, in no line"
     both = profile_picture([stood, flat]).axes[0]
     assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
+
+
+def test_the_panels_of_a_level_stand_at_the_same_height():
+    """A floor is where the story below it ends."""
+    drifts, accelerations, shears = profile_picture([of_suite("frame", 3, 0)]).axes
+    assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
+
+
+def test_no_bar_of_a_tornado_hides_behind_another():
+    """Where both ends of a parameter move a peak to the same side, the shorter bar is drawn over the longer one."""
+    peaks = {one.name: one for one in PEAKS}
+    swings = [
+        Swing("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
+        for name in ("peak_drift_ratio", "peak_acceleration", "peak_roof_displacement", "peak_base_shear")
+        for peak in ((0.7, 1.0, 0.9), (0.9, 1.0, 0.7), (1.2, 1.0, 0.7), (np.nan, 1.0, 0.7))
+    ]
+    for axes in sensitivity_picture(swings).axes:
+        for low, high in zip(axes.patches[::2], axes.patches[1::2], strict=True):
+            if not np.isnan(low.get_width()):
+                first, last = sorted((low, high), key=lambda bar: bar.get_zorder())
+                assert abs(first.get_width()) >= abs(last.get_width())
 
 
 def test_a_legend_of_long_names_is_within_its_figure():

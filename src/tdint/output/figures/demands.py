@@ -163,7 +163,7 @@ def _finish_row(
         drifts.set_title(f"{lost} of {runs} collapsed or failed, in no line", loc="left", fontsize=8.0)
     most = max(one.height.size for one in profiles)
     for panel in axes:
-        panel.set_ylim(0.5, most + (0.6 if panel is accelerations else 0.5))
+        panel.set_ylim(0.5, most + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
@@ -257,7 +257,7 @@ def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Fig
     figure = Figure(figsize=(7.2, 2.2 + 0.56 * parameters), layout="constrained")
     for axes, name in zip(figure.subplots(2, 2).flat, _NAMES, strict=True):
         _tornado(axes, [one for one in swings if one.quantity.name == name], units)
-    add_title(figure, f"{swings[0].building}: medians of the peaks, one parameter at its ends at a time")
+    add_title(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
     return figure
 
 
@@ -268,10 +268,11 @@ def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
     else:
         factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
     for place, one in enumerate(swings):
-        for end, value, color in (("low", one.at_low, COLORS[0]), ("high", one.at_high, COLORS[1])):
+        low, high = ((value - one.as_it_is) * factor for value in (one.at_low, one.at_high))
+        for end, width, other, color in (("low", low, high, COLORS[0]), ("high", high, low, COLORS[1])):
             label = f"{end} value" if place == 0 else None
-            width = (value - one.as_it_is) * factor
-            axes.barh(place, width, left=one.as_it_is * factor, height=0.62, color=color, label=label)
+            above = 1.6 if abs(width) < abs(other) else 1.5  # or it hides behind one to the same side
+            axes.barh(place, width, left=one.as_it_is * factor, height=0.62, color=color, label=label, zorder=above)
     axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
     names = [f"{one.parameter}\n{one.low:g} to {one.high:g}" for one in swings]
     axes.set_yticks(range(len(swings)), names, fontsize=7.0)
