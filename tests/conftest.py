@@ -53,6 +53,7 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     """Pictures are drawn small and as they come, all of each, in a third of the time: that parts of all kinds of
     figures find their places is tested in tests/output/test_plotting.py."""
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     whole = Figure.savefig
 
@@ -62,6 +63,7 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
     if "laid_out" not in request.fixturenames:
         monkeypatch.setattr(Figure, "savefig", save)
+        monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, figure: None)
 
 
 def pytest_collection_finish() -> None:
@@ -75,12 +77,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     written_ones = os.environ["TDINT_KERNELS"] == "python"
     if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
-    from path_kernels import KERNELS
     from tdint.analysis.run.compilation import of_everything
     from tdint.kernels.building.ahead import compile_ahead, shown
-    from tdint.kernels.building.compilable import EVERYTHING
 
-    wanted = [*of_everything(), *((kernel, EVERYTHING) for kernel in KERNELS)]
+    wanted = of_everything()
     missing = sum(not file for _, _, file in shown(wanted))
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:

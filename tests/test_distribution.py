@@ -60,6 +60,7 @@ def test_the_source_archive_has_what_the_checkout_has():
 
 @pytest.mark.slow  # mypy reads the package anew, without what it keeps
 def test_a_checker_of_types_knows_what_tdint_has(tmp_path):
+    pytest.importorskip("mypy")
     program = tmp_path / "program.py"
     program.write_text("import tdint\ntdint.run\ntdint.nothing\n")
     found = subprocess.run(

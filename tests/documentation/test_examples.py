@@ -21,8 +21,6 @@ from tdint.methods import single_step
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import load_model
 
-pytestmark = pytest.mark.long
-
 
 @pytest.fixture
 def checkout():
@@ -51,6 +49,7 @@ def test_the_shell_script(checkout):
     assert len(list((folder / "out").glob("*/pushover.csv"))) == 2
 
 
+@pytest.mark.slow
 def test_the_loops_of_a_law(checkout):
     folder, run = checkout
     assert run(readmes.block("law"))[0] == ""
@@ -114,6 +113,7 @@ def test_the_notebook(monkeypatch):
     assert result.failed == 0, "".join(said)
 
 
+@pytest.mark.slow
 def test_the_study_in_python(checkout):
     _, run = checkout
     output, _ = run(shlex.join([sys.executable, "-c", readmes.block("studies")]))

@@ -35,12 +35,11 @@ def test_every_command_stands_in_the_readme_of_the_command_line():
 
 
 def sessions():
-    """READMEs with sessions; that of campaigns is a dozen studies."""
+    """READMEs with sessions; those of the first page are run each time."""
     paths = [path for path in readmes.files() if readmes.sessions(path.read_text())]
-    return [pytest.param(one, marks=[pytest.mark.slow] if one.parent.name == "campaign" else []) for one in paths]
+    return [pytest.param(one, marks=[pytest.mark.slow] * (one != readmes.README)) for one in paths]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("path", sessions(), ids=named)
 def test_sessions_print_what_they_show(path):
     for session in readmes.sessions(path.read_text()):

@@ -8,21 +8,22 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = [
-    pytest.mark.long,  # the system's doing, whatever the Python
-    pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full"),
-]
+pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 
 TDINT = f"{sys.executable} -P -c 'from tdint_cli.main import main; main()'"
-COMMANDS = ["spectrum r0.csv --periods 0.1:10:2000", "info r0.csv", "run model.yaml", "methods"]
+SPECTRUM = "spectrum r0.csv --periods 0.1:10:2000"
+UNBUFFERED = ["", pytest.param("PYTHONUNBUFFERED=1", marks=pytest.mark.slow)]
 
 
 def shell(command, folder):
     return subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize("unbuffered", ["", "PYTHONUNBUFFERED=1"])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("unbuffered", UNBUFFERED)
+@pytest.mark.parametrize(
+    "command",
+    [SPECTRUM, *(pytest.param(one, marks=pytest.mark.slow) for one in ("info r0.csv", "run model.yaml")), "methods"],
+)
 def test_a_full_disk_behind_standard_output(folder, command, unbuffered):
     done = shell(f"{unbuffered} {TDINT} {command} > /dev/full", folder)
     assert done.returncode == 6
@@ -30,9 +31,9 @@ def test_a_full_disk_behind_standard_output(folder, command, unbuffered):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("unbuffered", ["", "PYTHONUNBUFFERED=1"])
+@pytest.mark.parametrize("unbuffered", UNBUFFERED)
 def test_a_size_limit_behind_standard_output(folder, unbuffered):
-    done = shell(f"ulimit -f 16; {unbuffered} {TDINT} {COMMANDS[0]} > out.csv", folder)
+    done = shell(f"ulimit -f 16; {unbuffered} {TDINT} {SPECTRUM} > out.csv", folder)
     assert done.returncode == 6
     assert "Error: standard output: cannot be written" in done.stderr
 

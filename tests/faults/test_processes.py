@@ -8,10 +8,7 @@ import sys
 
 import pytest
 
-pytestmark = [
-    pytest.mark.long,  # the system's doing, whatever the Python
-    pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
-]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:8000")
 
@@ -29,7 +26,7 @@ def temporary(folder):
     [
         (signal.SIGTERM, 143),
         pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow),  # of batches in tests/cli/test_batch.py, too
-        (signal.SIGKILL, -9),
+        pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],
 )
 def test_a_command_with_workers_that_is_ended(folder, start, number, code):
@@ -81,7 +78,7 @@ def test_all_workers_killed_at_once(folder, start):
     assert len(tables(folder)) >= 6, words
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
 def test_a_run_that_is_ended_leaves_no_half_file(folder, start, number):
     command = start("run", "model.yaml", "--history", "--plot", "-o", "out", "--dt", "2e-5")
     command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)

@@ -12,8 +12,6 @@ from tdint.model.building import assemble
 from tdint.model.definition import simple_model, simple_story
 from tdint.model.laws import Law
 
-pytestmark = pytest.mark.long
-
 PART = st.floats(0.0, 0.99)
 
 

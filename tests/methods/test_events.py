@@ -12,8 +12,6 @@ from events_study import study
 from references import orders
 from tdint import load_model, run
 
-pytestmark = pytest.mark.long
-
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 

@@ -138,7 +138,6 @@ def test_a_title_is_no_wider_than_its_figure():
 
 
 @pytest.mark.parametrize("suffix", STARTS)
-@pytest.mark.usefixtures("laid_out")
 def test_formats(tmp_path, forced, suffix):
     file = tmp_path / f"x{suffix}"
     draw_run(forced, file)

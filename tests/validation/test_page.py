@@ -57,7 +57,6 @@ def test_the_forces_of_a_manufactured_motion_balance_it(law):
     assert np.max(np.abs(left)) < 1e-11 * np.max(np.abs(force))
 
 
-@pytest.mark.long
 def test_every_method_shows_its_order_on_manufactured_motions():
     found = manufactured.observe_all()
     assert len(found) == 44

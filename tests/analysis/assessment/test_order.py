@@ -45,7 +45,6 @@ def problem():
     return get
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("method", [*catalogue(), *MEMBERS])
 def test_declared_order(problem, method):
     integrator = parse(method)

@@ -23,8 +23,6 @@ from tdint.output.summaries.of_run import failure_summary, run_summary
 from tdint.output.summaries.summary import json_bytes
 from tdint.output.tables.responses import history_columns, story_table
 
-pytestmark = pytest.mark.long
-
 RUNS, USUAL = 1000, 100
 BATCH = 50
 STIFFNESS = 1e6

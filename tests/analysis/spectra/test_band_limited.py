@@ -11,8 +11,6 @@ from tdint import spectrum
 from tdint.ground_motion.interpolation import band_limited
 from tdint.ground_motion.record import Record
 
-pytestmark = pytest.mark.long
-
 DT, SAMPLES = 0.01, 801
 FREQUENCIES = np.array([1.3, 3.7, 9.1, 17.3, 28.9, 40.1])  # Hz; half the sampling rate is 50 Hz
 AMPLITUDES = np.array([1.0, 1.0, 0.8, 0.8, 0.6, 0.6])

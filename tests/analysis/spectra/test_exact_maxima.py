@@ -17,8 +17,6 @@ from references import OscillatorResponse
 from tdint import read_record, spectrum
 from tdint.ground_motion.record import Record
 
-pytestmark = pytest.mark.long
-
 ROOT = Path(__file__).parents[3]
 INCH = 0.0254
 

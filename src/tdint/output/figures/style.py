@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten, wrap
@@ -59,6 +59,7 @@ _PRINT = {
     "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
     "mathtext.fontset": "stixsans",
 }
+_LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": False}
 _SMALLEST, _LARGEST = 6.0, 8.0
 _INCH = 0.0254
 _RESOLUTION = {True: 600, False: 160}
@@ -156,9 +157,26 @@ class Picture:
     def save(self, figure: Figure, stream: BinaryIO) -> None:
         """Write a figure that was drawn."""
         printed = PRINTED.get()
-        with mpl.rc_context(_settings(printed)), _quiet(), _room(printed.width):
-            metadata = _METADATA[self.kind]
-            figure.savefig(stream, format=self.kind, dpi=_RESOLUTION[bool(printed.width)], metadata=metadata)
+        dpi, metadata = _RESOLUTION[bool(printed.width)], _METADATA[self.kind]
+        # In other formats letters are as wide as their renderers find them.
+        placed = _laid_out(figure, dpi) if self.kind == "png" else nullcontext()
+        with mpl.rc_context(_settings(printed) | _LAID_OUT_HERE), _quiet(), _room(printed.width), placed:
+            figure.savefig(stream, format=self.kind, dpi=dpi, metadata=metadata)
+
+
+@contextmanager
+def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
+    """A figure whose parts have found their places: to save it, matplotlib draws all of it twice to let them do so."""
+    engine, before = figure.get_layout_engine(), figure.dpi
+    figure.dpi = dpi
+    try:
+        if engine:
+            engine.execute(figure)
+        figure.set_layout_engine(None)
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.dpi = before
 
 
 @contextmanager
