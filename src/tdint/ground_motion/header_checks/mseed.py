@@ -105,6 +105,7 @@ def _codes(frames: bytes, order: str) -> tuple[NDArray[np.uint32], NDArray[np.in
 _FIXED_HEADER = 48
 _SHORTEST_RECORD = 128
 _LENGTH_EXPONENTS = range(7, 21)
+_YEARS = range(1900, 2101)
 _FILLED = re.compile(rb"[^ \0]")
 _CONTROL = re.compile(rb"[ \d]{6}[VAST](?:\*| \d{3})")
 _TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
@@ -254,12 +255,12 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         It is none, or contradicts itself.
     """
     # Nothing before blockette 1000 tells the byte order: the right one makes a year of our time.
-    order = ">" if 1900 <= int.from_bytes(data[offset + 20 : offset + 22], "big") <= 2100 else "<"
+    order = ">" if int.from_bytes(data[offset + 20 : offset + 22], "big") in _YEARS else "<"
     fields = struct.unpack_from(order + _HEADER, data, offset)
     sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = fields[:12]
     fraction, samples, factor, multiplier, _, _, _, blockettes, _, begin, first = fields[12:]
     where = f"record {number}"
-    is_clock = 1900 <= year <= 2100 and 1 <= day <= 366 and hour < 24 and minute < 60 and second < 61
+    is_clock = year in _YEARS and 1 <= day <= 366 and hour < 24 and minute < 60 and second < 61
     if not (quality in (b"D", b"R", b"Q", b"M") and _is_sequence(sequence) and is_clock and fraction < 10_000):
         raise Damaged(f"at byte {offset}, where {where} should begin, there is no header of one")
     chain = _blockettes(data, offset, first, order, where)
