@@ -97,6 +97,22 @@ def test_how_runs_end():
         assert np.isnan(refused.history["drift"][i]).all() == (status == "unstable-step")
 
 
+def test_a_story_that_runs_away():
+    """Its force falls from a drift of 6 cm on and pulls from 10 cm on: among many runs, too, one that fails after the
+    collapse is told as far as the collapse, and one whose energy the method has made is none."""
+    record = noise(samples=400)
+    away = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, -4e4)), height=3.0)])
+    found = tdint.run_many(away, record, scales=(2.0, 3.0, 5.0), method="impulse4")
+    assert found.status.tolist() == ["collapsed", "diverged", "collapsed"]
+    for i, scale in ((0, 2.0), (2, 5.0)):
+        single = tdint.run(away, record.scaled(scale), method="impulse4")
+        assert single.steps == found.steps[i] < 399
+        assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
+    with pytest.raises(FailedRun, match="times the input energy"):
+        tdint.run(away, record.scaled(3.0), method="impulse4")
+    assert np.isnan(found.stories.peak_drift[1])
+
+
 def test_histories_go_where_they_are_asked_to(tmp_path, runs):
     whole = runs.history["drift"][6:12, :, :2]
     file = np.lib.format.open_memmap(tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32)
