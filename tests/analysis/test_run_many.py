@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -108,7 +109,9 @@ def test_a_story_that_runs_away():
         single = tdint.run(away, record.scaled(scale), method="impulse4")
         assert single.steps == found.steps[i] < 399
         assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
-    with pytest.raises(FailedRun, match="times the input energy"):
+    loose = tdint.run(away, record.scaled(3.0), method="impulse4", allow_unstable=True)
+    made = f"the motion ends with {1.0 - loose.energy.error:.3g} times the input energy"
+    with pytest.raises(FailedRun, match=re.escape(made)):
         tdint.run(away, record.scaled(3.0), method="impulse4")
     assert np.isnan(found.stories.peak_drift[1])
 

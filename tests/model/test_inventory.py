@@ -236,3 +236,31 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
 
 def test_the_zones_are_those_of_the_levels():
     assert all(design_level("C1", 1960, zone) in LEVELS for zone in ZONES)
+
+
+@pytest.mark.parametrize(
+    ("column", "sound", "wrong", "said"),
+    [
+        ("NumberOfStories", (1, 50), (0, 51), "must be a whole number from 1 to 50"),
+        ("YearBuilt", (1000, 2200), (999, 2201), "must be a whole number from 1000 to 2200"),
+        ("PlanArea", (1e-3, 1e9), (0, -1), "must be a positive number"),
+        ("height", (1e-3, 1e3), (0, -3), "must be a positive number"),
+        ("DampingRatio", (0, 0.99), (-0.01, 1), "must be a number of at least 0 and below 1"),
+        ("Latitude", (-90, 90), (-90.01, 90.01), "must be a number of at least -90 and of at most 90"),
+        ("Longitude", (-360, 360), (-360.01, 360.01), "must be a number of at least -360 and of at most 360"),
+    ],
+)
+def test_numbers_of_rows_at_their_bounds(tmp_path, column, sound, wrong, said):
+    cells = dict(zip(HEADER.split(","), ("a", "3", "1990", "W1", "90"), strict=True))
+
+    def read(value):
+        row = cells | {column: str(value)}
+        return inventory(tmp_path, ",".join(row.values()), header=",".join(row))
+
+    for value in sound:
+        rows, faults = read(value)
+        assert len(rows) == 1 and not faults
+    for value in (*wrong, "nan", "inf", "x"):
+        rows, (fault,) = read(value)
+        assert not rows
+        assert f"{column}: {said}, got '{value}'" in str(fault)

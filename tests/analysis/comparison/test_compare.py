@@ -11,14 +11,15 @@ import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
 from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare, parse_requirement
-from tdint.analysis.comparison.event import Event
+from tdint.analysis.comparison.event import Event, _common
+from tdint.analysis.comparison.fit import _SCAN, _STARTS, _STIFFNESS, _starts, fit
 from tdint.analysis.comparison.fit import _smoothed as smoothed
-from tdint.analysis.comparison.fit import fit
 from tdint.analysis.run.run import prepare, run_case
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
+from tdint.ground_motion.signal import Signal
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping
 from tdint.model.recorded import load_recording
@@ -377,3 +378,71 @@ def test_a_fit_that_ends_on_a_bound_says_so(made):
     found = fit(replace(made.model, damping=ModalDamping((0.02,))), made.event(), ["damping"])
     assert found.values[0].on_bound
     assert any(note.startswith("damping_ratio ended on a bound of the fit, 0.0001 to 0.5") for note in found.notes)
+
+
+def test_a_fit_begins_at_the_best_factors_of_its_scan():
+    """Where the costs are lower than those of both neighbors, or of the one there is; the lowest first."""
+
+    def starts(costs, on_stiffness=True):
+        following = iter(costs)
+        problem = SimpleNamespace(
+            free=[SimpleNamespace(name=_STIFFNESS), SimpleNamespace(name="damping_ratio")],
+            spectral=lambda point: np.array([next(following)]),
+        )
+        given = np.array([0.1, -3.0])
+        first, *others = _starts(problem, given, np.array([[-9.0, -9.0], [9.0, 9.0]]), on_stiffness)
+        np.testing.assert_array_equal(first, given)
+        assert all(one[1] == given[1] for one in others)
+        return [round(math.exp(one[0] - given[0]), 9) for one in others]
+
+    scan = [round(float(factor), 9) for factor in _SCAN]
+    size = len(scan)
+    assert starts(range(size, 0, -1)) == scan[-1:]
+    assert starts(range(1, size + 1)) == scan[:1]
+    bowls = [5.0] * size
+    bowls[0], bowls[3], bowls[-1] = 3.0, 1.0, 2.0
+    bowls[1:3], bowls[4:-1] = [8.0, 7.0], np.linspace(9.0, 6.0, size - 5)
+    assert starts(bowls) == [scan[3], scan[-1], scan[0]][:_STARTS]
+    assert starts(bowls, on_stiffness=False) == []
+
+
+def test_the_window_by_counting():
+    """What was asked for, and of that what was recorded, to the sample; ten samples are the fewest."""
+    random = np.random.default_rng(3)
+    base = Record(random.normal(size=100), 0.01, "", "", "", "base")
+    refused = 0
+    for _ in range(300):
+        first, last = np.sort(random.integers(0, 100, 2))
+        recorded = np.full(100, np.nan)
+        recorded[first : last + 1] = 1.0
+        window = None if random.random() < 0.3 else tuple(np.sort(np.round(random.uniform(-0.1, 1.1, 2), 2)))
+        event = Event(SimpleNamespace(window=window), base, (), (), (), ())
+        start, end = window or (0.0, 0.99)
+        wanted = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
+        if len(wanted) < 10:
+            refused += 1
+            with pytest.raises(RecordError, match="has fewer than 10 samples in the window from"):
+                event.window(recorded, "floor 1")
+        else:
+            assert [*range(100)[event.window(recorded, "floor 1")]] == wanted
+    assert 30 < refused < 270
+    with pytest.raises(RecordError, match="has fewer than 10 samples"):
+        event.window(np.full(100, np.nan), "floor 1")
+
+
+@pytest.mark.parametrize("shortest", [10, 9])
+def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
+    """One motion, each sensor with a factor and a start of its own: the mean is the mean factor's."""
+    motion = np.random.default_rng(4).normal(size=200)
+    begins = (30, 35, 20)
+    signals = [
+        Signal(factor * motion[begin:end], 0.01, "acceleration", "a", 1.0 + 0.01 * begin, "UTC", (), (), None)
+        for factor, begin, end in zip((1.0, 2.0, 6.0), begins, (140, 35 + shortest, 120), strict=True)
+    ]
+    if shortest < 10:
+        with pytest.raises(RecordError, match="floor 1: its sensors recorded at different times"):
+            _common(signals, "floor 1", {})
+        return
+    mean, lead = _common(signals, "floor 1", {})
+    assert lead == pytest.approx(0.05)
+    np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from building_cases import noise, oscillator
 from references import exact_linear
 from tdint import run, spectrum
+from tdint.analysis.spectra.drift import drift_spectrum
+from tdint.analysis.spectra.inelastic import constant_ductility
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 
@@ -152,3 +155,15 @@ def test_the_choices_are_told():
 def test_a_period_far_below_the_sampling_interval_is_refused():
     with pytest.raises(AnalysisError, match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s"):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))
+
+
+def test_what_a_spectrum_is_in_one_line():
+    """Of a record by its name, if it has one."""
+    named = noise(samples=50)
+    bare = replace(named, id="", source="", component="")
+    for made in (spectrum, drift_spectrum, constant_ductility):
+        arguments = ([0.5, 1.0], [2.0]) if made is constant_ductility else ([0.5, 1.0],)
+        for record, name in ((bare, "a record"), (named, "test HN1")):
+            found = made(record, *arguments)
+            one = found[0] if isinstance(found, list | tuple) else found
+            assert repr(one) == f"<{type(one).__name__} of {name}, damping 0.05, 2 periods>"

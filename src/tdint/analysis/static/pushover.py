@@ -295,23 +295,23 @@ class _Story:
         close = _CLOSE * max(self._largest, abs(force))
         if abs(missing) <= close:
             return self.drift
-        side = 1.0 if missing > 0.0 else -1.0
+        forwards = missing > 0.0
         near, far = self.drift, None
-        stiffness = self.tangent if self.tangent > 0.0 and side > 0.0 else self.initial
+        stiffness = self.tangent if self.tangent > 0.0 and forwards else self.initial
         drift = near + missing / stiffness
         for _ in range(_ITERATIONS):
             here, tangent = self.at(drift)
             left = force - here
             if abs(left) <= close:
                 return drift
-            if side * left > 0.0:
+            if (left > 0.0) == forwards:
                 if tangent <= 0.0:
                     return None
                 near = drift
             else:
                 far = drift
             new = drift + left / tangent if tangent > 0.0 else near
-            if far is not None and not (side * (new - near) > 0.0 and side * (far - new) > 0.0):
+            if far is not None and not min(near, far) < new < max(near, far):
                 new = 0.5 * (near + far)
             if new == drift:
                 return drift

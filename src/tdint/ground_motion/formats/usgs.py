@@ -27,7 +27,7 @@ _KINDS = re.compile(
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 """By the kind of series, where it is or may be a ground motion."""
 
-_YEAR, _DAY, _HOUR, _MINUTE, _SECOND, _MILLISECOND = 1, 2, 3, 4, 5, 6
+_YEAR, _DAY, _HOUR, _MILLISECOND = 1, 2, 3, 6
 _TOLD = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
 """Year, month and day of the earthquake in the text."""
 _NEAR = timedelta(days=1.5)

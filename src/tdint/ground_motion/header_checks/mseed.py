@@ -107,7 +107,6 @@ _SHORTEST_RECORD = 128
 _LENGTH_EXPONENTS = range(7, 21)
 _YEARS = range(1900, 2101)
 _FILLED = re.compile(rb"[^ \0]")
-_CONTROL = re.compile(rb"[ \d]{6}[VAST](?:\*| \d{3})")
 _TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
 _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
 """Bytes of a sample by the code of the encoding (SEED manual, blockette 1000), where all have the same."""

@@ -16,13 +16,12 @@ from tdint.model.inventory.capacity import (
     read_curve,
 )
 from tdint.model.inventory.derive import CAPACITY, RULES
-from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, ZONES, BuildingFacts, DerivedBuilding
+from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Flag, Key, Keys, Whole, Words
 
 _DAMPING = ("full", "mass-only")
 _RULES = Choice(tuple(one for one in RULES if one != CAPACITY), "set of rules")
-_YEARS = Whole(1000, 2200)
 BUILDING = Keys(
     (
         Key(
@@ -33,7 +32,7 @@ BUILDING = Keys(
         Key("capacity", Words(), "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules"),
         Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
-        Key("year", _YEARS, "year of construction"),
+        Key("year", Whole(*YEARS), "year of construction"),
         Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
         Key("height", POSITIVE, "height of the whole building"),
         Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; Z4 where it is left out"),

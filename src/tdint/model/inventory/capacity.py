@@ -23,7 +23,6 @@ from tdint.model.laws import Law, four_points
 from tdint.model.modes import solve_modes
 
 GRAVITY = 9.81
-MOST_STORIES = 50
 DAMPING_RATIO = 0.05
 STORY_HEIGHT = 2.8  # m
 UNIT_MASS = 1000.0  # kg

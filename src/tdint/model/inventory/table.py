@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelFault
 from tdint.model.inventory.capacity import DAMPING_RATIO, UNIT_MASS, CapacityClass, CapacityFacts
-from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, ZONES, BuildingFacts
+from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts
 from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
@@ -24,7 +24,6 @@ _DESIGN_LEVELS = (
     | {f"{level}-code": level for level in LEVELS}
     | {f"{level[0]}c": level for level in LEVELS}
 )
-_YEARS = (1000, 2200)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +187,7 @@ class _Row:
         return BuildingFacts(
             structure=self._word("StructureType", {one.lower(): one for one in STRUCTURES}),
             stories=self._whole("NumberOfStories", 1, MOST_STORIES),
-            year=self._whole("YearBuilt", *_YEARS),
+            year=self._whole("YearBuilt", *YEARS),
             area=self._number("PlanArea", POSITIVE) * length**2,
             height=self._number("height", POSITIVE) * length if given("height") else None,
             zone=self._word("seismicZone", zones) if given("seismicZone") else "Z4",
