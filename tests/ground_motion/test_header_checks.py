@@ -281,6 +281,19 @@ class TestMiniSeedByHand:
         refused_by(look_at_mseed, record + record[:40], "its last 40 bytes are no whole record")
         refused_by(look_at_mseed, record + record[:100], "its last record has 100 of 128 bytes")
 
+    @pytest.mark.parametrize("kind", [b"005", b"008", b"010", b"011"])
+    def test_volumes_with_control_headers(self, kind):
+        """Of the length that the first one tells, or up to the next header."""
+        for exponent in (8, 12):
+            first = b"000001V " + kind + (b"009502.4%02d" % exponent if kind != b"011" else b"")
+            volume = first.ljust(2**exponent, b" ") + b"000002S*".ljust(2**exponent, b" ")
+            record = seed_record(exponent=9).replace(b"000001D", b"000003D")
+            found = look_at_mseed(volume + record + record.replace(b"000003D", b"000004D"))
+            assert [(one.number, one.length) for one in found] == [(3, 512), (4, 512)]
+            refused_by(look_at_mseed, volume + b"000003T 050".ljust(99, b"x"), f"has 99 of {2**exponent} bytes")
+        wrong = (b"000001V " + kind + b"009502.421").ljust(512, b" ")
+        refused_by(look_at_mseed, wrong, "its first control header does not tell the records' length")
+
 
 def refused_by(look, data, match):
     with pytest.raises(Damaged, match=match):

@@ -305,9 +305,10 @@ def scale(
         pairs = {} if rule == "asce7" else {"pair": pair}  # that has a pair of its own
         return _RULES[rule](suite, spectrum, places, damping=damping, **pairs)
     if rule == "p695":
-        if chosen is not None and not isinstance(chosen, SpectralIntensity):
-            raise UsageError("the rule p695 scales a set on to a value of sa(T)")
-        return scale_p695(suite, chosen.periods[0] if chosen else None, value, damping=damping)
+        of = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
+        if chosen is not None and (len(of) != 1 or of == (0.0,)):
+            raise UsageError(f"the rule p695 scales a set on to a value of sa(T), got {chosen.name}")
+        return scale_p695(suite, of[0] if of else None, value, damping=damping)
     if chosen is None or value is None:
         raise UsageError("nothing to scale to: give a measure and its value, or a target")
     return scale_to_value(suite, chosen, value, pair)

@@ -1,0 +1,157 @@
+"""What a campaign makes of its inputs before anything runs, each against what it is made of."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from building_cases import model, noise, story
+from tdint.campaign.definition import AnalysisWishes, InventoryFile
+from tdint.campaign.engine.task import Run
+from tdint.campaign.fragility.type_states import _of_model as type_of_model
+from tdint.campaign.inputs import adapted, read_rows
+from tdint.campaign.profiles import level_ranks, motion_numbers
+from tdint.campaign.store.identity import all_differences, differences
+from tdint.campaign.suites.scaling import scale, scale_asce7, scale_p695
+from tdint.campaign.suites.target import TargetSpectrum, read_target
+from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
+
+HEIGHTS = (4.0, 3.0, 3.5)
+BUILDING = model([story(1.0 + i, 500.0 - 40.0 * i, height=height) for i, height in enumerate(HEIGHTS)])
+WITHOUT = replace(BUILDING, stories=tuple(replace(one, height=None) for one in BUILDING.stories))
+HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
+
+
+def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
+    for of in (BUILDING, WITHOUT):
+        assert adapted(of, AnalysisWishes()) == of
+        assert adapted(of, AnalysisWishes(p_delta=False)) == replace(of, p_delta=False)
+        assert adapted(of, AnalysisWishes(collapse_drift=0.04)) == replace(of, collapse_drift=0.04)
+    both = adapted(BUILDING, AnalysisWishes(collapse_drift=0.04, p_delta=True))
+    assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)
+    for bare in (WITHOUT, HALF):
+        with pytest.raises(ModelError, match="test: p_delta of the campaign needs the heights of all stories"):
+            adapted(bare, AnalysisWishes(p_delta=True))
+
+
+def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
+    """The same chain in matrices: participation for a mode that is 1 at the roof."""
+    masses = np.array([one.mass for one in BUILDING.stories])
+    springs = [one.stiffness for one in BUILDING.stories]
+    stiffness = np.diag(springs) + np.diag([*springs[1:], 0.0]) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    values, vectors = np.linalg.eig(stiffness / masses[:, None])
+    first = vectors[:, np.argmin(values)]
+    first = first / first[-1]
+    period = 2.0 * math.pi / math.sqrt(values.min())
+    participation = masses @ first / (masses @ first**2)
+    divisors = {
+        "drift_ratio": 1.0, "roof_drift_ratio": 10.5, "acceleration": 1.0, "spectral_displacement": participation
+    }  # fmt: skip
+    for demand, divisor in divisors.items():
+        assert type_of_model(BUILDING, demand) == pytest.approx((divisor, period), rel=1e-9)
+    assert type_of_model(HALF, "drift_ratio")[1] == pytest.approx(period)
+    for bare, demand in ((WITHOUT, "drift_ratio"), (WITHOUT, "roof_drift_ratio"), (HALF, "roof_drift_ratio")):
+        with pytest.raises(ModelError, match=f"test: damage by {demand} needs the heights of the stories"):
+            type_of_model(bare, demand)
+
+
+def test_an_inventory_without_a_building(tmp_path: Path) -> None:
+    file = tmp_path / "none.csv"
+    file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n")
+    with pytest.raises(ModelError, match=r"none.csv: has no building"):
+        read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
+    file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,99,1990,C1,600\nb,0,1990,C1,600\n")
+    with pytest.raises(ModelError, match=r"(?s):2:2: NumberOfStories.*:3:2: NumberOfStories"):
+        read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
+
+
+def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
+    known = {"known": "the store", "given": "a.yaml"}
+    assert differences({"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known) == [
+        "setting a: in the store alone",
+        "setting b: 2 in the store, 9 in a.yaml",
+        "setting d: in a.yaml alone",
+    ]
+    assert differences({"a": "1f"}, {"a": "2f"}, kind="building", **known) == ["building a: differs"]
+    for count in (8, 9, 20):
+        one, other = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
+        found = differences(one, other, kind="record", **known)
+        assert found[:8] == [f"record r{i}: differs" for i in range(8)]
+        assert found[8:] == ([] if count == 8 else [f"and {count - 8} more of kind record"])
+    same = ({"a": "1"}, {}, {"r": "2"})
+    assert all_differences(same, same, given="b") == "the order of buildings or records: differs"
+    assert all_differences(same, ({"a": "2"}, {}, {}), given="b").splitlines() == [
+        "setting a: 1 in the store, 2 in b",
+        "record r: in the store alone",
+    ]
+
+
+def test_records_of_a_motion_are_known_by_their_names() -> None:
+    """Two of one name at right angles are a pair; not one alone, nor three, nor two that are parallel or unnamed."""
+    records = {
+        1: ("a_N.at2", "N", 0), 2: ("a_E.at2", "E", 0), 3: ("b_N.at2", "N", 0),
+        4: ("c.mseed", "HN1", 0), 5: ("c.mseed", "HN2", 0), 6: ("d.mseed", "HNE", 0), 7: ("d.mseed", "270", 0),
+        8: ("e.csv", "000", 0), 9: ("e.csv", "090", 0), 10: ("e.csv", "180", 0),
+        11: ("f+g", "x", 1), 12: ("f+g", "x", 2),
+    }  # fmt: skip
+    alone = {number: number for number in records}
+    assert motion_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
+
+
+def test_levels_are_ranked_motion_by_motion() -> None:
+    runs = [Run(1, 2.0), Run(1, -0.5), Run(2, 0.1), Run(1, 1.0), Run(2, 7.0), Run(1, 9.0, 1)]
+    assert level_ranks(runs) == dict(zip(runs, (2, 0, 0, 1, 1, 0), strict=True))
+
+
+@pytest.fixture
+def pairs() -> list[Horizontals]:
+    return [
+        Horizontals(
+            *(replace(noise(samples=200, seed=seed + i), component=name) for i, name in enumerate(("HNE", "HNN")))
+        )
+        for seed in (1, 5, 9)
+    ]
+
+
+def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
+    def same(one: object, other: object) -> None:
+        assert (one.rule, one.pair, one.damping, one.measure, one.value) == (
+            other.rule, other.pair, other.damping, other.measure, other.value
+        )  # fmt: skip
+        np.testing.assert_array_equal(one.factors, other.factors)
+
+    same(scale(pairs, rule="p695"), scale_p695(pairs))
+    same(scale(pairs, "sa(0.7)", 3.0, rule="p695", damping=0.03), scale_p695(pairs, 0.7, 3.0, damping=0.03))
+    for measure in ("pga", "pgv", "sa-avg(1)"):
+        with pytest.raises(UsageError, match="the rule p695 scales a set on to a value of") as caught:
+            scale(pairs, measure, 3.0, rule="p695")
+        assert str(caught.value).endswith(f"got {measure}")
+    target = TargetSpectrum("table", np.array([0.2, 1.0, 2.0]), np.array([5.0, 4.0, 2.0]))
+    places = np.geomspace(0.2, 2.0, 100)
+    same(scale(4 * pairs, target=target, rule="asce7"), scale_asce7(4 * pairs, target, places))
+    for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
+        with pytest.raises(UsageError, match="nothing to scale to"):
+            scale(pairs, **wrong)
+    for wrong in ({"measure": "pga"}, {"value": 3.0}):
+        with pytest.raises(UsageError, match="a target and a value are given"):
+            scale(pairs, target=target, **wrong)
+    with pytest.raises(UsageError, match="unknown rule 'p695'; known for a target: mean, asce7, ec8"):
+        scale(pairs, target=target, rule="p695")
+
+
+def test_targets_travel_to_other_processes() -> None:
+    for target in (
+        TargetSpectrum("table", np.array([0.2, 1.0]), np.array([5.0, 4.0]), 2.0, 0.05),
+        read_target("asce7:sds=1.0,sd1=0.6,tl=8"),
+    ):
+        other = pickle.loads(pickle.dumps(target))
+        assert (other.source, other.zero, other.damping) == (target.source, target.zero, target.damping)
+        assert (other.curve is None) == (target.curve is None)
+        np.testing.assert_array_equal(other.psa, target.psa)
+        np.testing.assert_allclose(target.sd, target.psa / (2.0 * math.pi / target.periods) ** 2)
