@@ -12,7 +12,7 @@ import pytest
 
 from building_cases import model, noise, story
 from tdint.campaign.definition import AnalysisWishes, InventoryFile
-from tdint.campaign.engine.task import Run
+from tdint.campaign.engine.runs import Run
 from tdint.campaign.fragility.type_states import _of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.profiles import level_ranks, motion_numbers

@@ -11,7 +11,14 @@ import pytest
 
 from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.header_checks.gse import gse_statements, look_at_gse
+from tdint.ground_motion.header_checks.exchange import (
+    gse_statements,
+    look_at_gse,
+    look_at_sac,
+    look_at_timeseries,
+    sac_statements,
+    timeseries_statements,
+)
 from tdint.ground_motion.header_checks.mseed import last_samples, look_at_mseed, most_samples
 from tdint.ground_motion.header_checks.recorders import (
     evt_statements,
@@ -21,15 +28,12 @@ from tdint.ground_motion.header_checks.recorders import (
     look_at_reftek,
     reftek_statements,
 )
-from tdint.ground_motion.header_checks.sac import look_at_sac, sac_statements
 from tdint.ground_motion.header_checks.statement import (
     Damaged,
     Statement,
     check_step,
     compare,
     last_place,
-    look_at_timeseries,
-    timeseries_statements,
 )
 from tdint.ground_motion.reading.contents import read_contents
 from tdint.ground_motion.reading.read import read_record
