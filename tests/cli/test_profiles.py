@@ -174,6 +174,8 @@ def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Run) -> N
     tdint("campaign", "study.yaml", "-o", "out")
     found = rows("out/profiles.csv")
     assert {(row["scale"], row["level"]) for row in found} == {("", "0.980665"), ("", "1.96133")}
+    verdicts = tdint("campaign", "export", "out", "--drift-limit", "2%").stderr
+    assert "pga 0.9807 m/s^2: mean drift" in verdicts and "pga 1.961 m/s^2: mean drift" in verdicts
     stories = rows("out/stories.csv")
     row = next(row for row in found if row["building"] == "stiff" and row["quantity"] == "peak_displacement")
     low = {

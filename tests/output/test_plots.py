@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.campaign.floor_suites import FloorSuite
 from tdint.campaign.profiles import Profile
 from tdint.campaign.sensitivity import PEAKS, Swing
 from tdint.errors import OutputError
@@ -22,7 +23,7 @@ from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.output.figures.demands import profile_picture, sensitivity_picture
+from tdint.output.figures.demands import floor_suite_picture, profile_picture, sensitivity_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture
@@ -115,6 +116,14 @@ def test_no_bar_of_a_tornado_hides_behind_another():
             if not np.isnan(low.get_width()):
                 first, last = sorted((low, high), key=lambda bar: bar.get_zorder())
                 assert abs(first.get_width()) >= abs(last.get_width())
+
+
+def test_all_buildings_of_floors_are_named():
+    """Where they have not as many floors, too: not all are in the first panel."""
+    one = FloorSuite("low", 1.0, np.nan, 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)), 2, 0, 0, ("level", ""))
+    (legend,) = floor_suite_picture([one, replace(one, building="tall", floor=5)]).legends
+    names = {text.get_text().partition(",")[0] for text in legend.get_texts()}
+    assert names == {"low", "tall"}
 
 
 def test_a_legend_of_long_names_is_within_its_figure():

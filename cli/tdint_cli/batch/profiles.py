@@ -193,8 +193,7 @@ def _name(profile: Profile, among: list[Profile]) -> str:
     parts = [profile.building] if len({one.building for one in among}) > 1 else []
     levels = {(repr(one.scale), repr(one.level)) for one in among}
     if len(levels) > 1:
-        known = profile.scale == profile.scale
-        parts.append(f"scale {profile.scale:g}" if known else f"level {profile.level:.6g}")
+        parts.append(profile.level_text)
     return ", ".join(parts)
 
 

@@ -67,6 +67,8 @@ class FloorSuite:
         Of each motion that came to its end, m/s^2; of a pair the larger component at each period.
     runs, collapsed, failed : int
         Motions, and those that are in no number.
+    measure : tuple of str
+        As in `Profile`.
     """
 
     building: str
@@ -79,6 +81,7 @@ class FloorSuite:
     runs: int
     collapsed: int
     failed: int
+    measure: tuple[str, str]
 
     @property
     def mean(self) -> Array:
@@ -152,4 +155,5 @@ def floor_suites(store: Store, found: Sequence[RunFloors]) -> Iterator[FloorSuit
                     runs=runs,
                     collapsed=level.collapsed,
                     failed=level.failed,
+                    measure=level.measure,
                 )

@@ -12,14 +12,16 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY
+from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array
 from tdint.campaign.engine.runs import Run
 from tdint.campaign.store.store import Store
+from tdint.campaign.suites.intensity import SPECTRAL, measure_at
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles
 from tdint.ground_motion.pairing import motion_name
@@ -27,6 +29,8 @@ from tdint.model.damage_states import DONE, FALLEN
 from tdint.quantity import Quantity
 
 DRIFT_RATIO = "peak_drift_ratio"
+_RANK = ("level", "")
+"""Of levels that are factors of the motions' own."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class Profile:
         The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, nan where there is none; empty where they were not asked for.
+    measure : tuple of str
+        What the level is a value of, and its unit.
     """
 
     building: str
@@ -97,6 +103,12 @@ class Profile:
     height: Array
     peaks: Mapping[str, Array]
     peak_errors: Mapping[str, Array]
+    measure: tuple[str, str] = _RANK
+
+    @property
+    def level_text(self) -> str:
+        """The level in words, as `level_text` has it."""
+        return level_text(self.scale, self.level, self.measure)
 
     @property
     def runs(self) -> int:
@@ -222,13 +234,27 @@ def profiles(store: Store) -> Iterator[Profile]:
             motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
             counts_of = (level.pairs, level.collapsed, level.failed)
             yield Profile(
-                name, level.scale, level.value, motions, *counts_of, *_peaks(level, kept, counts[number], store.checked)
+                name,
+                level.scale,
+                level.value,
+                motions,
+                *counts_of,
+                *_peaks(level, kept, counts[number], store.checked),
+                level.measure,
             )
 
 
+def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
+    """The level of a `Profile` in words: `scale 2`, `sa(T1) 2.94 m/s^2`, or of motions' own factors `level 2`."""
+    if not math.isnan(scale):
+        return f"scale {scale:g}"
+    name, unit = measure
+    return "" if math.isnan(level) else f"{name} {level:.4g} {unit}".rstrip()
+
+
 class SuiteLevel(NamedTuple):
-    """The motions of a building at one level: `scale`, `value`, `pairs`, `collapsed` and `failed` as in `Profile`, and
-    in `stood` the runs of each motion that came to its end, two of a pair."""
+    """The motions of a building at one level: `scale`, `value`, `pairs`, `collapsed`, `failed` and `measure` as in
+    `Profile`, and in `stood` the runs of each motion that came to its end, two of a pair."""
 
     scale: float
     value: float
@@ -236,6 +262,7 @@ class SuiteLevel(NamedTuple):
     pairs: int
     collapsed: int
     failed: int
+    measure: tuple[str, str]
 
 
 def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
@@ -248,17 +275,19 @@ def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
 @dataclass(frozen=True)
 class SuiteRules:
     """How the runs of a building are taken together: the motion of each record (`motion_numbers`), the values of the
-    levels, if a measure has them, and whether there are `several` (`has_levels`)."""
+    levels and their `measure`, if one has them, and whether there are `several` (`has_levels`)."""
 
     motions: Mapping[int, int]
     values: Sequence[float]
     several: bool
+    measure: tuple[str, str]
 
     @classmethod
     def of(cls, store: Store) -> SuiteRules:
         """Those of a campaign."""
-        values = sorted(json.loads(store.settings().get("levels", "[]")), key=abs)
-        return cls(motion_numbers(store.records()), values, has_levels(store))
+        settings = {name: json.loads(value) for name, value in store.settings().items()}
+        values = sorted(settings.get("levels", ()), key=abs)
+        return cls(motion_numbers(store.records()), values, has_levels(store), _measure(settings) if values else _RANK)
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
@@ -276,7 +305,14 @@ class SuiteRules:
                 sum(len(runs) > 1 for runs in grouped.values()),
                 sum(runs not in failed for runs in fell),
                 len(failed),
+                self.measure,
             )
+
+
+def _measure(settings: Mapping[str, Any]) -> tuple[str, str]:
+    """What the levels of a campaign are values of, and its unit."""
+    name, period = settings["measure"], settings["period"]
+    return f"{name}({period})" if name in SPECTRAL else name, measure_at(name, SA_DAMPING, 1.0).unit
 
 
 def has_levels(store: Store) -> bool:

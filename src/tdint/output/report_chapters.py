@@ -132,10 +132,7 @@ def suite_page(
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
     chapters = [
         Chapter("Result", (list(said), *((profile,) if found else ()))),
-        *(
-            Chapter(f"Over the motions: {one.building}{_level(one)}", (profile_table(one, _OF_SUITE, units),))
-            for one in found
-        ),
+        *(Chapter(f"Over the motions: {_with_level(one)}", (profile_table(one, _OF_SUITE, units),)) for one in found),
         *(
             model_chapter(one.model, one.period, assemble(one.model).first_mode()[1], units)
             for one in models[:_MOST_MODELS]
@@ -152,10 +149,8 @@ _MOST_MODELS = 8
 """Buildings whose stories are listed."""
 
 
-def _level(one: Profile) -> str:
-    if not math.isnan(one.scale):
-        return f", scale {one.scale:g}"
-    return "" if math.isnan(one.level) else f", level {one.level:.4g}"
+def _with_level(one: Profile) -> str:
+    return ", ".join(filter(None, [one.building, one.level_text]))
 
 
 def _inputs(plan: Plan, content: Mapping[str, Any]) -> list[str]:

@@ -5,6 +5,7 @@ Of a suite each motion and all together are drawn; of several buildings side by 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
 from tdint.campaign.floor_suites import FloorSuite
-from tdint.campaign.profiles import DRIFT_RATIO, Profile
+from tdint.campaign.profiles import DRIFT_RATIO, Profile, level_text
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -69,7 +70,7 @@ def profile_picture(
                 if len(values):
                     line = partial(_line, panel, by_floor=by_floor)
                     _draw_motions(panel, values, line, looks[one.building], "largest")
-        _finish_row(axes, same, units, None if by_length else limit, _level(same[0]) if len(rows) > 1 else "")
+        _finish_row(axes, same, units, None if by_length else limit, same[0].level_text if len(rows) > 1 else "")
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _name_below(figure, panels[:, 0])
     what = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
@@ -103,12 +104,6 @@ def _suite(profiles: Sequence[Profile]) -> str:
     if 0 < pairs < runs:
         return f"{how_many(runs, 'motion')}, of {how_many(pairs, 'pair')} the larger component"
     return f"{how_many(pairs, 'pair')}, the larger component of each" if pairs else how_many(runs, "motion")
-
-
-def _level(profile: Profile) -> str:
-    if profile.scale == profile.scale:
-        return f"scale {profile.scale:g}"
-    return f"level {profile.level:.4g}" if profile.level == profile.level else ""
 
 
 def _draw_motions(axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str) -> None:
@@ -224,7 +219,7 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
         axes.set_title(_named(same[0], several=len({repr(one.scale) for one in suites}) > 1), fontsize=9.0)
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
-    _name_below(figure, grid[0, :1])
+    _name_below(figure, grid.ravel())
     what = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
     add_title(figure, f"{what}, {suites[0].runs} motions\nspectra of absolute floor accelerations{more}")
@@ -232,9 +227,8 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
 
 
 def _named(one: FloorSuite, *, several: bool) -> str:
-    scale = f", scale {one.scale:g}" if one.scale == one.scale and several else ""
-    level = f", level {one.level:.4g}" if one.level == one.level else ""
-    return f"floor {one.floor}{scale}{level}, {100.0 * one.damping:g} % damping"
+    level = level_text(one.scale if several else math.nan, one.level, one.measure)
+    return ", ".join(filter(None, [f"floor {one.floor}", level, f"{100.0 * one.damping:g} % damping"]))
 
 
 def _finish(axes: Any, units: OutputUnits) -> None:
