@@ -16,7 +16,7 @@ from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.runs import RunRow
-from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, below_collapse, fractiles
+from tdint.campaign.ida.curve import IdaCurve, IdaRun, LevelSearch, below_collapse, fractiles
 from tdint.campaign.ida.damage import Mainshock
 from tdint.campaign.ida.study import STORE, IdaSettings, ida
 from tdint.campaign.store.connection import locked
@@ -169,7 +169,7 @@ def test_levels_find_a_collapse_below_the_first_one_found():
             return "collapsed", 0.1
         return "done", 0.002 * im ** (3.0 if im > 1.2 else 1.0)
 
-    found = IdaCurve(motion(), tuple(drive(Levels(0.3), building)), 0.1)
+    found = IdaCurve(motion(), tuple(drive(LevelSearch(0.3), building)), 0.1)
     assert found.resurrection
     assert 1.4 < found.collapse.lower <= 1.45 <= found.collapse.upper <= 1.5
 
@@ -183,7 +183,7 @@ def test_levels_go_around_runs_without_a_result():
             return "not-converged", math.nan
         return ("collapsed", 0.1) if im >= 2.08 else ("done", 0.01 * im)
 
-    runs = drive(Levels(0.3), building)
+    runs = drive(LevelSearch(0.3), building)
     assert lost
     stable = max(run.im for run in runs if run.stable)
     assert stable <= 2.0
@@ -195,7 +195,7 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
     """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
     runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
     for place in (0.5, 0.25, 0.75):
-        level = Levels(1.0).next(runs)
+        level = LevelSearch(1.0).next(runs)
         assert level == pytest.approx(2.0 * ratio**place, rel=1e-12)
         runs.append(IdaRun(level, level, "not-converged", math.nan))
 
@@ -204,17 +204,17 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
 def test_levels_go_down_to_the_lowest_threshold(drift, part):
     """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
     runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
-    assert Levels(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
+    assert LevelSearch(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
 
 
 def test_levels_go_down_from_a_start_that_is_too_high():
-    runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
+    runs = drive(LevelSearch(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
     stable = [run.im for run in below_collapse(runs)]
     assert 0.95 <= stable[-1] <= 1.0
 
 
 def test_a_building_that_never_stands_has_no_capacity():
-    runs = drive(Levels(1.0), lambda im: ("failed-story", 0.1))
+    runs = drive(LevelSearch(1.0), lambda im: ("failed-story", 0.1))
     found = IdaCurve(motion(), tuple(runs), 0.1)
     assert not found.stable
     assert math.isnan(found.collapse.capacity)

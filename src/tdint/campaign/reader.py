@@ -148,9 +148,7 @@ def load_campaign(source: str | Path) -> CampaignFile:
 def _read(section: Section, label: str, name: str) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
-    _check_pair(section)
-    _check_duration(section)
-    _check_levels(section)
+    _check_together(section)
     analysis, outputs = section.inner("analysis"), section.inner("outputs")
     dt = analysis.get("dt")
     found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
@@ -172,32 +170,21 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     )
 
 
-def _check_pair(section: Section) -> None:
-    """What stands for a pair needs pairs."""
-    intensity, records = section.get("intensity"), section.get("records")
-    pair = intensity.peek("pair") if intensity else None
-    if pair is None or records is None or records.peek("grid"):
-        return
-    pairs = records.peek("pairs")
-    if pairs is None or pairs.is_word("false"):
+def _check_together(section: Section) -> None:
+    """What one part asks for and the motions of another leave without effect."""
+    records = section.get("records")
+
+    def said(part: str, name: str) -> Value | None:
+        value = section.get(part)
+        return value.peek(name) if value else None
+
+    pair, pairs = said("intensity", "pair"), said("records", "pairs")
+    if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
         pair.fault("has nothing to act on without `pairs: true` of the records")
-
-
-def _check_duration(section: Section) -> None:
-    """Sequences have all of each record."""
-    analysis, records = section.get("analysis"), section.get("records")
-    duration = analysis.peek("duration") if analysis else None
-    if duration is not None and records is not None and records.peek("sequences"):
+    if (duration := said("analysis", "duration")) and said("records", "sequences"):
         duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
-
-
-def _check_levels(section: Section) -> None:
-    """Events have factors of their own."""
-    intensity, records = section.get("intensity"), section.get("records")
-    if intensity is None or records is None or not (records.peek("fields") or records.peek("events")):
-        return
     for name in ("measure", "factors"):
-        if entry := intensity.peek(name):
+        if (entry := said("intensity", name)) and (said("records", "fields") or said("records", "events")):
             entry.fault("has no part in events, whose factors are given; `scales` multiply them")
 
 

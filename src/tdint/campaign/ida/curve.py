@@ -118,10 +118,10 @@ _FILL = 1.2
 """Ratio of drifts of neighbouring levels up to which nothing is put between them."""
 
 _PROBES = (1.25, 1.5)
-"""Levels above the first collapse at which the building may stand again, over its level."""
+"""LevelSearch above the first collapse at which the building may stand again, over its level."""
 
 _NEAR = 0.01
-"""Levels that differ by less than this part, of themselves or of their bracket, are the same."""
+"""LevelSearch that differ by less than this part, of themselves or of their bracket, are the same."""
 
 _PLACES = (0.5, 0.25, 0.75, 0.375, 0.625)
 """Where between two levels, in the logarithm, a run is tried; the next one where the run before had no result."""
@@ -130,7 +130,7 @@ MOST_RUNS = 300
 
 
 @dataclass(frozen=True)
-class Levels:
+class LevelSearch:
     """What decides on the levels.
 
     Attributes
@@ -244,7 +244,7 @@ class Capacity:
     capacity : float
         The intensity; of a censored one what it is known to lie above; nan if nothing is known.
     lower, upper : float
-        Levels next to it at which the building was run: below, not exceeded; above, exceeded (nan if censored).
+        LevelSearch next to it at which the building was run: below, not exceeded; above, exceeded (nan if censored).
     censored : bool
         Whether it was not exceeded up to the largest level.
     """

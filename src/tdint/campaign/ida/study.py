@@ -17,7 +17,7 @@ from tdint.analysis.run.run import Subject
 from tdint.campaign.buildings import GivenBuilding
 from tdint.campaign.engine.batch import Batch, Done
 from tdint.campaign.engine.runs import Rows, Run, RunRow, RunSettings
-from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, run_level
+from tdint.campaign.ida.curve import IdaCurve, IdaRun, LevelSearch, run_level
 from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
 from tdint.campaign.store.connection import locked
 from tdint.campaign.store.identity import Identity, as_json
@@ -267,7 +267,7 @@ class _Work:
     batch: Batch
     measure: IntensityMeasure
     intensity: float
-    levels: Levels
+    levels: LevelSearch
 
     @property
     def record(self) -> Record:
@@ -287,7 +287,7 @@ class _Work:
     ) -> _Work:
         left = before.left if before else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
-        levels = Levels(
+        levels = LevelSearch(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
             lowest_drift=min((one for one in settings.thresholds or () if one > _ABOVE * left), default=math.inf),
