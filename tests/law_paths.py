@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.kernels import layout
-from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories import cyclic
 from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
@@ -23,12 +22,8 @@ def law_table(name, *parameters):
 
 
 def follow(law_parameters, path):
-    """Force along a path, and what is stored and dissipated at its end."""
-    state = spring_table(law_parameters)
-    start(law_parameters, state, 0, 0.0)
-    forces = []
-    for drift in path:
-        restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
-        commit(law_parameters, state, 0, 0, at.FIRST_TRIAL)
-        forces.append(state[layout.FORCE, 0])
-    return np.array(forces), recoverable(law_parameters, state, 0), dissipated(law_parameters, state, 0)
+    """Force along a path that begins at zero, and what is stored and dissipated at its end."""
+    drifts = np.array([0.0, *path])
+    result = np.zeros((drifts.size, cyclic.RESULT_COLUMNS))
+    cyclic.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
+    return result[1:, cyclic.SHEAR], result[-1, cyclic.RECOVERABLE], result[-1, cyclic.DISSIPATION]

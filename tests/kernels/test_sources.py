@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -62,14 +63,17 @@ def test_the_module_of_a_law_has_its_name():
         assert law.functions.__module__ == "tdint.kernels.laws." + law.name.replace("-", "_")
 
 
+@cache
 def imported(file):
     """What a file imports of kernels and methods, as parsing finds it."""
+    found = []
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file} imports from a place that is not named"
-            yield from (node.module, *(f"{node.module}.{name.name}" for name in node.names))
+            found += [node.module, *(f"{node.module}.{name.name}" for name in node.names)]
         elif isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
+            found += [name.name for name in node.names]
+    return found
 
 
 def file_of(module):

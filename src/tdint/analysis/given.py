@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.reading.read import make_record, read_record
 from tdint.ground_motion.record import Record
 from tdint.units import DriftSize, parse_drift
 from tdint.written_numbers import parse_ratio
@@ -32,6 +31,8 @@ def record_of(given: Any) -> Record:
     """
     if isinstance(given, Record):
         return given
+    from tdint.ground_motion.reading.read import make_record, read_record  # not where only drifts are given
+
     if isinstance(given, str | os.PathLike):
         return read_record(Path(given) if given != "-" else given)
     if hasattr(given, "stats") or hasattr(given, "traces"):

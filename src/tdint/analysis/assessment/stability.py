@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +102,7 @@ def _follow(roots: NDArray[np.complex128], omega_h: Array, damping: float) -> ND
     return followed
 
 
+@cache
 def critical_step(integrator: Integrator, damping: float = 0.0, largest: float = LARGEST) -> float:
     """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if there is none.
 
