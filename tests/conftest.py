@@ -78,7 +78,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
     from tdint.analysis.run.compilation import of_everything
-    from tdint.kernels.building.ahead import compile_ahead, shown
+    from tdint.kernels.building.obtaining import compile_ahead, shown
 
     wanted = of_everything()
     missing = sum(not file for _, _, file in shown(wanted))

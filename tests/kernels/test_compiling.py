@@ -16,11 +16,10 @@ from tdint import load_model
 from tdint.analysis.run.compilation import of_model
 from tdint.errors import OutputError
 from tdint.kernels.building import compilable, obtaining, store
-from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
 from tdint.kernels.building.compiler import called, objects_of, specialized
 from tdint.kernels.building.loading import Loaded, pack, unpack
-from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.building.obtaining import compile_ahead, obtain
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.methods.catalogue import parse as parse_method

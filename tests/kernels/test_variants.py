@@ -15,8 +15,8 @@ from tdint.analysis.run.steps import choose_steps
 from tdint.analysis.run.workspace import kernels
 from tdint.kernels import layout as at
 from tdint.kernels.building import compilable
-from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.building.obtaining import compile_ahead
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.laws import LAWS, Law

@@ -58,7 +58,7 @@ def command(
     if not models and not everything:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.compilation import of_everything, of_model
-    from tdint.kernels.building.ahead import compile_ahead
+    from tdint.kernels.building.obtaining import compile_ahead, shown
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
 
@@ -67,8 +67,6 @@ def command(
         model = load_model(file)
         wanted += of_model(model, parse(method or model.analysis.method or DEFAULT_METHOD))
     if show:
-        from tdint.kernels.building.ahead import shown
-
         emit("".join(",".join(row) + "\n" for row in [("loop", "variant", "object"), *shown(wanted)]).encode())
         return
     with progress_bar(to_terminal=False) as progress:

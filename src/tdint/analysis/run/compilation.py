@@ -7,8 +7,8 @@ from typing import Any
 
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import kernels
-from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compilable import EVERYTHING, Variant
+from tdint.kernels.building.obtaining import compile_ahead
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.many import many
