@@ -12,6 +12,10 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
+# Parameters
+_YIELD_FORCE = at.FIRST_PARAMETER
+_HARDENING = at.FIRST_PARAMETER + 1
+
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
@@ -19,8 +23,8 @@ def _functions() -> LawFunctions:
     @inlined
     def force(law_parameters, springs, i, past, trial, drift):
         k = law_parameters[at.STIFFNESS, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * law_parameters[at.FIRST_PARAMETER, i]
+        hardening = law_parameters[_HARDENING, i]
+        strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + at.DRIFT, i])
         tangent = k
         if z > strength:
@@ -38,23 +42,23 @@ def _functions() -> LawFunctions:
         d = springs[at.DRIFT, i]
         z = springs[at.INTERNAL, i]
         k = law_parameters[at.STIFFNESS, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        hardening = law_parameters[_HARDENING, i]
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
 
     @inlined
     def settle(law_parameters, springs, i, past, trial):
         springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
         z = springs[trial + at.INTERNAL, i]
-        soft = 1.0 - law_parameters[at.FIRST_PARAMETER + 1, i]
-        if abs(z) == soft * law_parameters[at.FIRST_PARAMETER, i]:  # else the way was elastic
+        soft = 1.0 - law_parameters[_HARDENING, i]
+        if abs(z) == soft * law_parameters[_YIELD_FORCE, i]:  # else the way was elastic
             stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
             slip = stretch - (z - springs[past + at.INTERNAL, i]) / (soft * law_parameters[at.STIFFNESS, i])
             springs[trial + at.DISSIPATED, i] += abs(z * slip)
 
     @inlined
     def enter(law_parameters, springs, i):
-        soft = 1.0 - law_parameters[at.FIRST_PARAMETER + 1, i]
-        strength = soft * law_parameters[at.FIRST_PARAMETER, i]
+        soft = 1.0 - law_parameters[_HARDENING, i]
+        strength = soft * law_parameters[_YIELD_FORCE, i]
         k = law_parameters[at.STIFFNESS, i]
         springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (soft * k)
         springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (soft * k)
@@ -62,11 +66,7 @@ def _functions() -> LawFunctions:
     @inlined
     def advance(law_parameters, springs, i, block, step, mean_force):
         if springs[block + at.TURN, i] == 0.0:
-            elastic = (
-                law_parameters[at.FIRST_PARAMETER + 1, i]
-                * law_parameters[at.STIFFNESS, i]
-                * springs[block + at.DRIFT, i]
-            )
+            elastic = law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i] * springs[block + at.DRIFT, i]
             springs[block + at.INTERNAL, i] = springs[block + at.FORCE, i] - elastic
         else:
             springs[block + at.DISSIPATED, i] += abs(springs[block + at.INTERNAL, i] * step)
@@ -74,8 +74,8 @@ def _functions() -> LawFunctions:
     @inlined
     def switch(law_parameters, springs, i, block, event):
         k = law_parameters[at.STIFFNESS, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * law_parameters[at.FIRST_PARAMETER, i]
+        hardening = law_parameters[_HARDENING, i]
+        strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         drift = springs[block + at.DRIFT, i]
         if event == at.TURNED:
             side = springs[block + at.TURN, i]

@@ -18,6 +18,12 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
+# Parameters
+_YIELD_FORCE = at.FIRST_PARAMETER
+_HARDENING = at.FIRST_PARAMETER + 1
+_EXPONENT = at.FIRST_PARAMETER + 2
+_BETA = at.FIRST_PARAMETER + 3
+
 _SUBSTEP = 0.125
 """Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta then errs by about 1e-7 Fy
 a leg; over many legs this adds up, to 1.3e-6 Fy after 60 (exponent 1)."""
@@ -100,10 +106,10 @@ def _functions() -> LawFunctions:
     @called
     def force(law_parameters, springs, i, past, trial, drift):
         k = law_parameters[at.STIFFNESS, i]
-        strength = law_parameters[at.FIRST_PARAMETER, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
-        n = law_parameters[at.FIRST_PARAMETER + 2, i]
-        q = 2.0 * law_parameters[at.FIRST_PARAMETER + 3, i] - 1.0
+        strength = law_parameters[_YIELD_FORCE, i]
+        hardening = law_parameters[_HARDENING, i]
+        n = law_parameters[_EXPONENT, i]
+        q = 2.0 * law_parameters[_BETA, i] - 1.0
         stretch = drift - springs[past + at.DRIFT, i]
         side = 1.0 if stretch >= 0.0 else -1.0
         w = side * springs[past + at.INTERNAL, i]
@@ -171,9 +177,9 @@ def _functions() -> LawFunctions:
     @inlined
     def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
-        z = law_parameters[at.FIRST_PARAMETER, i] * springs[at.INTERNAL, i]
+        z = law_parameters[_YIELD_FORCE, i] * springs[at.INTERNAL, i]
         k = law_parameters[at.STIFFNESS, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        hardening = law_parameters[_HARDENING, i]
         return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
 
     @inlined
@@ -186,13 +192,13 @@ def _functions() -> LawFunctions:
         u = -side * springs[block + at.INTERNAL, i]
         if not u > 0.0:
             return math.inf
-        n = law_parameters[at.FIRST_PARAMETER + 2, i]
-        q = 2.0 * law_parameters[at.FIRST_PARAMETER + 3, i] - 1.0
+        n = law_parameters[_EXPONENT, i]
+        q = 2.0 * law_parameters[_BETA, i] - 1.0
         way = 0.0
         for point in range(8):
             root = nodes[point]
             way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return way * u * law_parameters[at.FIRST_PARAMETER, i] / law_parameters[at.STIFFNESS, i]
+        return way * u * law_parameters[_YIELD_FORCE, i] / law_parameters[at.STIFFNESS, i]
 
     @called
     def look_ahead(law_parameters, springs, i, past, block):
@@ -202,7 +208,7 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -math.inf
         if side * springs[past + at.INTERNAL, i] < 0.0:
             way = kink(law_parameters, springs, i, past, side)
-            if way * law_parameters[at.STIFFNESS, i] > _THERE * law_parameters[at.FIRST_PARAMETER, i]:
+            if way * law_parameters[at.STIFFNESS, i] > _THERE * law_parameters[_YIELD_FORCE, i]:
                 springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = springs[past + at.DRIFT, i] + side * way
 
     @inlined
@@ -210,7 +216,7 @@ def _functions() -> LawFunctions:
         stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
         if stretch != 0.0:
             springs[at.TURN, i] = math.copysign(1.0, stretch)
-        if law_parameters[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
+        if law_parameters[_EXPONENT, i] < _SMOOTH:
             look_ahead(law_parameters, springs, i, trial, 0)
 
     @inlined
@@ -218,7 +224,7 @@ def _functions() -> LawFunctions:
         """The drift rate has turned, and the tangent jumps; or w changes its sign."""
         if event == at.TURNED:
             springs[block + at.TURN, i] = -springs[block + at.TURN, i]
-            if law_parameters[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
+            if law_parameters[_EXPONENT, i] < _SMOOTH:
                 look_ahead(law_parameters, springs, i, block, block)
         else:
             springs[block + at.UPPER, i] = math.inf
@@ -227,8 +233,8 @@ def _functions() -> LawFunctions:
     @inlined
     def points(law_parameters, springs, i, way):
         """Good to about 1e-6 of the yield force."""
-        n = law_parameters[at.FIRST_PARAMETER + 2, i]
-        return 1.9 + 4.0 * (n + 1.0) * way * law_parameters[at.STIFFNESS, i] / law_parameters[at.FIRST_PARAMETER, i]
+        n = law_parameters[_EXPONENT, i]
+        return 1.9 + 4.0 * (n + 1.0) * way * law_parameters[at.STIFFNESS, i] / law_parameters[_YIELD_FORCE, i]
 
     return LawFunctions(
         force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points, kink=kink

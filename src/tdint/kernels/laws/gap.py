@@ -7,6 +7,10 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
+# Parameters
+_GAP = at.FIRST_PARAMETER
+_STOP_STIFFNESS = at.FIRST_PARAMETER + 1
+
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
@@ -15,28 +19,27 @@ def _functions() -> LawFunctions:
     def force(law_parameters, springs, i, past, trial, drift):
         force = law_parameters[at.STIFFNESS, i] * drift
         tangent = law_parameters[at.STIFFNESS, i]
-        beyond = abs(drift) - law_parameters[at.FIRST_PARAMETER, i]
+        beyond = abs(drift) - law_parameters[_GAP, i]
         if beyond > 0.0:
-            force += math.copysign(law_parameters[at.FIRST_PARAMETER + 1, i] * beyond, drift)
-            tangent += law_parameters[at.FIRST_PARAMETER + 1, i]
+            force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * beyond, drift)
+            tangent += law_parameters[_STOP_STIFFNESS, i]
         springs[trial + at.FORCE, i] = force
         return tangent
 
     @inlined
     def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
-        beyond = max(abs(d) - law_parameters[at.FIRST_PARAMETER, i], 0.0)
+        beyond = max(abs(d) - law_parameters[_GAP, i], 0.0)
         return (
-            0.5 * law_parameters[at.STIFFNESS, i] * d * d
-            + 0.5 * law_parameters[at.FIRST_PARAMETER + 1, i] * beyond * beyond
+            0.5 * law_parameters[at.STIFFNESS, i] * d * d + 0.5 * law_parameters[_STOP_STIFFNESS, i] * beyond * beyond
         )
 
     @called
     def go_to(law_parameters, springs, i, block, side):
         """Put story `i` into the gap (side 0) or against the stop on that side of it."""
-        gap = law_parameters[at.FIRST_PARAMETER, i]
+        gap = law_parameters[_GAP, i]
         drift = springs[block + at.DRIFT, i]
-        stop = abs(side) * law_parameters[at.FIRST_PARAMETER + 1, i]
+        stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
         springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
         springs[block + at.SLOPE, i] = law_parameters[at.STIFFNESS, i] + stop
         springs[block + at.UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
@@ -45,13 +48,8 @@ def _functions() -> LawFunctions:
     @inlined
     def enter(law_parameters, springs, i):
         drift = springs[at.DRIFT, i]
-        go_to(
-            law_parameters,
-            springs,
-            i,
-            0,
-            0.0 if abs(drift) < law_parameters[at.FIRST_PARAMETER, i] else math.copysign(1.0, drift),
-        )
+        inside = abs(drift) < law_parameters[_GAP, i]
+        go_to(law_parameters, springs, i, 0, 0.0 if inside else math.copysign(1.0, drift))
 
     @inlined
     def switch(law_parameters, springs, i, block, event):

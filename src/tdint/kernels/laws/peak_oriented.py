@@ -21,6 +21,11 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
+# Parameters
+_YIELD_FORCE = at.FIRST_PARAMETER
+_HARDENING = at.FIRST_PARAMETER + 1
+_EXPONENT = at.FIRST_PARAMETER + 2  # of unloading
+
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0
 _RELOADING = 2.0
@@ -35,9 +40,9 @@ def _functions() -> LawFunctions:
     def unloading_stiffness(law_parameters, springs, i, block, side):
         """k (dy / |largest drift on that side|)^unloading, within its bounds."""
         k = law_parameters[at.STIFFNESS, i]
-        strength = law_parameters[at.FIRST_PARAMETER, i]
-        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
-        unloading = law_parameters[at.FIRST_PARAMETER + 2, i]
+        strength = law_parameters[_YIELD_FORCE, i]
+        hardening = law_parameters[_HARDENING, i]
+        unloading = law_parameters[_EXPONENT, i]
         drift = springs[block + at.DRIFT, i]  # the farthest one where the story yields at present
         farthest = (
             max(springs[block + at.HIGH_DRIFT, i], drift)
@@ -55,7 +60,7 @@ def _functions() -> LawFunctions:
 
     @inlined
     def enter(law_parameters, springs, i):
-        strength = law_parameters[at.FIRST_PARAMETER, i]
+        strength = law_parameters[_YIELD_FORCE, i]
         k = law_parameters[at.STIFFNESS, i]
         springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = strength / k
         springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -strength / k
@@ -95,7 +100,7 @@ def _functions() -> LawFunctions:
             springs[block + at.LOWER, i] = target if event < 0.0 else -math.inf
         else:
             springs[block + at.INTERNAL, i] = event * _YIELDING
-            springs[block + at.SLOPE, i] = law_parameters[at.FIRST_PARAMETER + 1, i] * law_parameters[at.STIFFNESS, i]
+            springs[block + at.SLOPE, i] = law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i]
             springs[block + at.UPPER, i] = math.inf
             springs[block + at.LOWER, i] = -math.inf
 

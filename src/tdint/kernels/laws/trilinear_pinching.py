@@ -21,9 +21,8 @@ _ULTIMATE_DRIFT = at.FIRST_PARAMETER + 2
 _PINCHING = at.FIRST_PARAMETER + 3
 _UNLOADING = at.FIRST_PARAMETER + 4
 
-_ZERO = (
-    at.HIGH_FORCE
-)  # the drift at the last passage of zero force; the forces of the farthest points are the backbone's
+# The drift at the last passage of zero force: the forces of the farthest points are the backbone's
+_ZERO = at.HIGH_FORCE
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0  # on the backbone

@@ -31,9 +31,8 @@ class _Rows(NamedTuple):
     PATH: int = error_path.ERROR_PATH_ROWS
     OTHER: int = 2  # modal damping, and forces on floors
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
-    MOTION: int = (
-        NODES  # accelerations of the floors there, absolute ones in columns n + 1 ..., that of the ground in column n
-    )
+    # Accelerations of the floors there, absolute ones in columns n + 1 ..., that of the ground in column n
+    MOTION: int = NODES
     PEAKS: int = 2 * at.PEAK_ROWS  # of the corrected motion
 
 
