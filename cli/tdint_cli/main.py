@@ -168,8 +168,9 @@ def main() -> None:
     """
     gc.set_threshold(_ALLOCATIONS)
     use_one_thread()
-    end_in_time()
+    ended = end_in_time()
     try:
         cli.main(prog_name="tdint")
     finally:
+        ended()
         gc.freeze()

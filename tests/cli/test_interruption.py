@@ -45,3 +45,40 @@ def test_a_signal_ends_the_command_inside_of_a_library(tmp_path, number, code, w
     assert process.returncode == code
     assert said == f"{word}\n"
     assert list(tmp_path.iterdir()) == []
+
+
+# The command has ended, and Python waits for a thread that still works.
+LINGERING = """
+import sys, time
+from concurrent.futures import ThreadPoolExecutor
+from tdint_cli.errors import exit_code_of
+from tdint_cli.interruption import end_in_time
+from tdint_cli.settings import Settings
+
+def command():
+    ThreadPoolExecutor().submit(time.sleep, 20)
+    print("ready", flush=True)
+    time.sleep(20)
+
+ended = end_in_time()
+try:
+    sys.exit(exit_code_of(command, Settings()))
+finally:
+    ended()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("again", [(), (0.1,), (0.1, 0.05)])
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+)
+def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for(number, code, word, again):
+    command = [sys.executable, "-c", LINGERING]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    for pause in (0.1, *again):
+        time.sleep(pause)
+        process.send_signal(number)
+    _, said = process.communicate(timeout=15)
+    assert (process.returncode, said) == (code, f"{word}\n")
