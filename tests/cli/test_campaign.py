@@ -563,7 +563,11 @@ def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(stu
         "id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,2,1968,C1,900\nb,0,1968,X9,900\nc,2,x,C1,900\n"
     )
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 3
-    unused = json.loads(Path("out/summary.json").read_text())["not_used"]
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert summary["inputs"] == [
+        {"file": "rows.csv", "sha256": hashlib.sha256(Path("rows.csv").read_bytes()).hexdigest()}
+    ]
+    unused = summary["not_used"]
     assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)  # b has two faults, and is one building
     assert "rows.csv:3" in unused["buildings"]["reasons"][0] and "X9" in unused["buildings"]["reasons"][0]
 

@@ -53,6 +53,11 @@ class InventoryFile:
     classes: str | None = None
     as_published: bool = False
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """What is read of it."""
+        return (self.file, *([self.classes] if self.classes else []))
+
 
 @dataclass(frozen=True)
 class RecordFiles:

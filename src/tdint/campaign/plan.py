@@ -67,6 +67,8 @@ class Plan:
         What a person should know.
     damage : Damage or None
         How damage is told, where it is.
+    inventory : tuple of str
+        The files of the inventory, if its rows are the buildings.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Plan:
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
     damage: Damage | None = None
+    inventory: tuple[str, ...] = ()
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
@@ -252,6 +255,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*found.failures, *inputs.faults),
         notes=(*notes, *found.notes),
         damage=damage,
+        inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
     )
     plan.check_steps()
     return plan

@@ -7,11 +7,13 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from tdint.campaign.buildings import Buildings, model_files, output_units
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
+from tdint.files import digest_of
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.output_units import SI, OutputUnits
 
@@ -43,7 +45,7 @@ class Identity:
     damage : Damage or None
         How damage is told.
     files : mapping of str to str
-        SHA-256 of the model files, by name.
+        SHA-256 of the model files or of those of the inventory, by name.
     """
 
     name: str
@@ -75,7 +77,7 @@ class Identity:
             unused=plan.unused,
             units=output_units(plan.buildings),
             damage=plan.damage,
-            files=model_files(plan.buildings),
+            files=model_files(plan.buildings) | {file: digest_of(Path(file)) for file in plan.inventory},
         )
 
     @cached_property

@@ -253,7 +253,7 @@ class Store:
         return found[0] if found else None
 
     def files(self) -> dict[str, str]:
-        """SHA-256 of the model files, by name."""
+        """SHA-256 of the model files or of those of the inventory, by name."""
         return dict(json.loads(self._known("files") or "{}"))
 
     def damage(self) -> str:
