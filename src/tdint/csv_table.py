@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
-from tdint.written_numbers import LARGEST, SMALLEST
+from tdint.written_numbers import LARGEST, SMALLEST, how_many
 
 _END = "end"  # a last row of our own
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
@@ -71,7 +71,9 @@ class CsvTable:
         found = []
         for line, cells in self.rows:
             if self.overfull(cells):
-                raise self.error(f"{self.source}:{line}: {len(cells)} cells under {len(self.header)} columns")
+                raise self.error(
+                    f"{self.source}:{line}: {how_many(len(cells), 'cell')} under {how_many(len(self.header), 'column')}"
+                )
             text = cells[place].strip() if place < len(cells) else ""
             if not text and not empty:
                 raise self.error(f"{self.source}:{line}: {name} is missing")

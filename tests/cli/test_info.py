@@ -162,6 +162,6 @@ def test_durations_are_consistent(folder, tdint):
 
 
 def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint):
-    said = "note: the picture shows the first components; 1 more are left out"
+    said = "note: the picture shows the first components and leaves out 1 more"
     assert said in tdint("info", "motion.mseed", "motion.mseed", "--plot", "p.svg").stderr.splitlines()
     assert said not in tdint("info", "motion.mseed", "other.mseed", "--plot", "q.svg").stderr.splitlines()

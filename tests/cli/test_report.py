@@ -140,3 +140,15 @@ def test_pages_that_are_not_written(folder, tdint, options, code, message):
     Path("forced.yaml.html").write_text("mine")
     result = tdint("run", "shaken.yaml", *options)
     assert result.exit_code == code and message in result.stderr
+
+
+def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: Path, tdint: Run) -> None:
+    given = ("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "--scale", "0.5,2", "-o")
+    assert tdint(*given, "out", "--report", "page.html").exit_code == 0
+    found = page("page.html")
+    levels = [table for table in found.tables if "scale" in table[0]]
+    told = [dict(zip(table[0], table[1], strict=True)) for table in levels]
+    assert [row["scale"] for row in told] == ["0.5", "2"]
+    runs = rows(Path("out/runs.csv").read_text())
+    assert [row["pga (m/s²)"] for row in told] == [f"{float(row['pga_m_s2']):.4g}" for row in runs]
+    assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text

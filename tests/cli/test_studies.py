@@ -602,7 +602,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     assert result.exit_code == 0
     assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
     assert "Warning: threshold 0.1: of 1 capacities none is known" in result.stderr
-    assert "1 rows without a capacity left out" in result.stderr
+    assert "1 row without a capacity left out" in result.stderr
     result = tdint("fragility", "c.csv", "--threshold", "10%")
     assert (result.exit_code, result.stdout) == (5, "")
 

@@ -183,7 +183,7 @@ class TestCosmos:
         assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
         refused(files.cosmos(units="volts(51)"), "'volts', which is no unit of acceleration")
         refused(files.cosmos().replace("    10.000000", "  -999.000000"), "does not give the sampling interval")
-        refused(files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 samples are marked as unknown")
+        refused(files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 sample marked as unknown")
         refused(files.cosmos().replace("/& ", "// "), "line with the end of the data is missing")
         refused(files.cosmos().replace("approx   1 secs", "approx  90 secs"), "120 samples at the header's 0.01 s")
 

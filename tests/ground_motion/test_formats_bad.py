@@ -24,7 +24,7 @@ def read(name, data):
     """The samples of each component, None if the file is refused; nothing else may be raised."""
     with warnings.catch_warnings():
         # Damage may leave a header that contradicts the samples; that is told.
-        warnings.filterwarnings("ignore", message=".*the file states a |the times in the file|.*rows that repeat")
+        warnings.filterwarnings("ignore", message=".*the file states a |the times in the file|.*last one is repeated")
         try:
             return {trace.id: trace.data for trace in READERS[name](io.BytesIO(data))}
         except RecordError as error:

@@ -67,7 +67,7 @@ def test_other_peaks():
 def test_rows_that_repeat_the_last_one():
     found = contents(files.unam(repeated=2))
     assert {trace.data.size for trace in found.traces} == {120}
-    assert found.notes == ("2 rows that repeat the last one stand beyond those announced: left out",)
+    assert found.notes == ("beyond the rows announced the last one is repeated: 2 rows left out",)
 
 
 def test_a_row_with_another_number_of_numbers():

@@ -51,7 +51,7 @@ def test_scaled_keeps_everything_else():
     [
         ([0.0, np.nan], r"sample 1 \(counted from 0\) is nan"),
         ([np.inf, 0.0], "sample 0 .* is inf"),
-        (np.ma.masked_array([0.0, 1.0, 2.0], [False, True, False]), "1 samples are masked"),
+        (np.ma.masked_array([0.0, 1.0, 2.0], [False, True, False]), "1 sample masked"),
         ([0.0, 1.0j], "must be real numbers, got complex128"),
         (["a", "b"], "must be real numbers"),
         ([True, False], "must be real numbers, got bool"),

@@ -141,7 +141,7 @@ class TestSkippedLines:
         for above in (WORDS, ["dt = 7 s", "1 2 3 4"], ["\xe9", "# units = g"]):
             (record,) = read(file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01)
             assert (record.dt, record.pga) == (0.01, 0.015)
-            assert "2 lines at its beginning are passed over, as asked" in record.notes
+            assert "2 lines at its beginning passed over, as asked" in record.notes
 
     @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
     def test_above_names_with_a_byte_order_mark(self, file, mark):

@@ -143,7 +143,7 @@ def test_records_of_what_is_in_memory():
         ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
         ({"data": WAVE, "dt": -1.0, "units": "g"}, RecordError, "sampling interval must be a positive number"),
         ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError, "array: sample 0 .* is nan"),
-        ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError, "samples are masked"),
+        ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError, "samples masked"),
         ({"data": WAVE * 1j, "dt": 1.0, "units": "g"}, RecordError, "must be real numbers"),
         ({"data": WAVE[:1], "dt": 1.0, "units": "g"}, RecordError, "two samples at least"),
     ],

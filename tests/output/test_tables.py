@@ -19,9 +19,11 @@ from tdint.analysis.run.outcome import ENERGY_TERMS, EnergyHistory, History, Sto
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
+from tdint.model.config.model_file import load_model
 from tdint.output import tables
 from tdint.output.tables import buildings, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
+from tdint.output_units import parse_output_units
 from tdint.quantity import suffix
 
 
@@ -214,3 +216,34 @@ def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
         ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"), ("a\x1b[2Jb", "a\\x1b[2Jb"), ("a\x9bb", "a\\x9bb"),
     ):  # fmt: skip
         assert cell_text(text) == cell
+
+
+@pytest.mark.parametrize(
+    ("law", "units", "words"),
+    [
+        ({"type": "bilinear", "yield_force": 10, "hardening": "5%"}, "N,m", "yield_force 10 N, hardening 0.05"),
+        (
+            {"type": "polynomial", "coefficients": [400, 0, 3e6]},
+            "N,mm",
+            "coefficients 0.4 N/mm, 0 N/mm^2, 0.003 N/mm^3",
+        ),
+        (
+            {
+                "type": "multilinear-pinching",
+                "backbone": [[0.01, 2e3], [0.03, 3e3], [0.05, 3e3], [0.06, 0.5e3]],
+                "negative": {"pinching": {"drift": 0.25, "force": 0.5, "unloading": 0}},
+                "pinching": {"drift": 0.5, "force": 0.5, "unloading": 0},
+                "degradation": {"strength": {"work": 0.2, "limit": 0}, "capacity": 20},
+            },
+            "kN,mm",
+            "backbone 2 kN at 10 mm, 3 kN at 30 mm, 3 kN at 50 mm, 0.5 kN at 60 mm, pinching.drift 0.5, pinching.force "
+            "0.5, pinching.unloading 0, negative.pinching.drift 0.25, degradation.strength.work 0.2, "
+            "degradation.capacity 20",
+        ),
+    ],
+)
+def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
+    """A side, a group and a parameter that the file may leave out are left out where they say nothing."""
+    own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
+    (story,) = load_model({"stories": [{"mass": 1, "law": law, **own}]}).stories
+    assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {words}"

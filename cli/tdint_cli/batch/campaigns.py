@@ -298,7 +298,7 @@ def _say(store: Store, advance: Advance) -> None:
     """What was done, and what of it a person must look at."""
     new = advance.done - advance.before
     if not new:
-        say(f"All {advance.done} runs were done before; nothing to do.")
+        say(f"Nothing to do: {how_many(advance.done, 'run')} done before.")
     else:
         before = f", {advance.before} before" if advance.before else ""
         say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")

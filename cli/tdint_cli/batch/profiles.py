@@ -137,15 +137,12 @@ class Profiles:
     def report(self, plan: Plan) -> bytes:
         """The page of the suite."""
         from tdint.output.report_chapters import suite_page
-        from tdint.output.summaries.summary import campaign_summary
 
         limit = self.request.drift_limit
         said = [] if limit is None else [self._told(one, _verdict(one, limit)[0]) for one in self.found]
         lost = [text for one in self.found if (text := self._lost(one))]
-        return suite_page(
-            plan, self.found, campaign_summary(self.store),
-            said=said, warnings=[*(str(error) for error in plan.failures), *lost], limit=limit, units=self.units,
-        )  # fmt: skip
+        warnings = [*(str(error) for error in plan.failures), *lost]
+        return suite_page(plan, self.store, self.found, said=said, warnings=warnings, limit=limit, units=self.units)
 
     def _told(self, one: Profile, text: str) -> str:
         name = _name(one, self.found)

@@ -40,6 +40,7 @@ from tdint.model.definition import Model
 from tdint.quantity import quantities
 from tdint.system import available_memory, on_threads, processors
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 KEPT = {one.called or one.name: one.name for one in quantities(History) if one.name in run_totals.HISTORIES}
 """What may be kept of a history: its fields by the names of their columns, without the unit."""
@@ -114,9 +115,10 @@ class Runs(Tabular):
         return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
 
     def _headline(self) -> str:
+        buildings, records = how_many(len(self.models), "building"), how_many(len(self.records), "record")
         kept = f", histories of {', '.join(self.history)}" if self.history else ""
         lost = f", {len(self.failures)} without a result" if self.failures else ""
-        return f"{len(self.model)} of {len(self.models)} buildings under {len(self.records)} records{kept}{lost}"
+        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}"
 
 
 def run_many(

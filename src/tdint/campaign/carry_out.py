@@ -28,6 +28,7 @@ from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.march.many import many
 from tdint.system import on_threads, processors
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 """Who does chunks: threads here, or workers elsewhere."""
@@ -224,7 +225,7 @@ class CampaignRuns(Tabular):
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
-        return f"of {self.name!r}: {len(self._rows)} of {self.asked} runs ({ended})"
+        return f"of {self.name!r}: {len(self._rows)} of {how_many(self.asked, 'run')} ({ended})"
 
 
 def campaign(

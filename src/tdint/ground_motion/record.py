@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,9 @@ class Record(Tabular):
     peaks: tuple[float | None, float | None] = (None, None)
 
     def _headline(self) -> str:
-        return f"{self.name}: {self.acceleration.size} samples, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
+        return (
+            f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
+        )
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)
@@ -155,7 +158,7 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
     whose = source or "record"
     given = np.asanyarray(acceleration)
     if masked := masked_samples(given):
-        raise RecordError(f"{whose}: {masked} samples are masked; fill or cut them")
+        raise RecordError(f"{whose}: {how_many(masked, 'sample')} masked; fill or cut them")
     if given.dtype.kind not in "iuf":
         raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
     if given.ndim != 1 or given.size < 2:

@@ -283,7 +283,7 @@ class Model:
             stories = [int(found[1]) - 1] if found else range(len(model.stories))
             change = _FACTORS[found[2] if found else name]
             if found and not 0 <= stories[0] < len(model.stories):
-                raise UsageError(f"{name}: {model.name} has {len(model.stories)} stories")
+                raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
             changed = [change(one, value) if i in stories else one for i, one in enumerate(model.stories)]
             if change is _strength and not any(_strength(model.stories[i], 2.0) != model.stories[i] for i in stories):
                 raise UsageError(f"{name} has nothing to act on: no such story of {model.name} has a strength")

@@ -11,6 +11,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import ModelError
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 CLASSICAL = 1e-12
 """Couplings of the modal damping matrix below this, over its diagonal, are rounding."""
@@ -43,7 +44,7 @@ class Modes(Tabular):
     damping: Array | None = None
 
     def _headline(self) -> str:
-        return f"of {self.omega.size} floors, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
+        return f"of {how_many(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property
     def participation(self) -> Array:

@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape, quoteattr
 from tdint.campaign.fragility.fits import Fragility
 from tdint.errors import UsageError
 from tdint.units import ACCELERATION
+from tdint.written_numbers import how_many
 
 _FAR = 4.0  # standard deviations beyond the medians at which the intensities end
 _IMT = re.compile(r"(sa)\(([0-9.eE+-]+)\)|(pga)|(pgv)")
@@ -78,7 +79,7 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{one:g}" for one in thresholds)
         raise UsageError(
-            f"the functions have {len(thresholds)} thresholds ({listed}): name as many states, a word each"
+            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many states, a word each"
         )
     return dict(zip(thresholds, states, strict=True))
 

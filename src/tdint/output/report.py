@@ -16,6 +16,7 @@ from tdint.output.summaries.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import suffix
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -149,10 +150,10 @@ def model_chapter(model: Model, period: float, damping: float, units: OutputUnit
 
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     facts = (
-        f"{len(model.stories)} stories, first period {period:.4g} s with {100.0 * damping:.3g} % damping, {p_delta}, "
-        f"{damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
+        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s with {100.0 * damping:.3g} % damping, "
+        f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
-    return Chapter(f"Building: {model.name}", (facts, model_table(model).in_units(units)))
+    return Chapter(f"Building: {model.name}", (facts, model_table(model, units)))
 
 
 def damping_words(model: Model) -> str:

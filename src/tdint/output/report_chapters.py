@@ -14,18 +14,24 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
 from tdint.output import figures
 from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, input_points, model_chapter, page
+from tdint.output.summaries.summary import campaign_summary
 from tdint.output.tables.campaign import profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Response
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import Profile
+    from tdint.campaign.store.store import Store
 
 _MOST_MOTIONS = 60
 """Motions whose spectra are drawn."""
+
+_MOST_LEVELS = 4
+"""Levels of which the motions are listed."""
 
 _PERIODS = (0.05, 5.0, 100)
 _OF_STORIES = (
@@ -76,8 +82,8 @@ def run_page(
         Chapter("Result", (said, *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (table.chosen(names), _errors(response))),
         model_chapter(model, 2.0 * math.pi / omega, damping, units),
-        _motions([response.record] if response.record else [], units),
-        _assumptions(f"{response.method}, {response.steps} steps of {response.dt:.6g} s", ()),
+        _motions([[(response.record, 1.0)]] if response.record else [], units),
+        _assumptions(f"{response.method}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (list(response.notes),)),
         Chapter("Inputs", (input_points(content["inputs"]),)),
     ]
@@ -98,8 +104,8 @@ def _errors(response: Response) -> str:
 
 def suite_page(
     plan: Plan,
+    store: Store,
     found: Sequence[Profile],
-    content: Mapping[str, Any],
     *,
     said: Sequence[str] = (),
     warnings: Sequence[str] = (),
@@ -110,13 +116,14 @@ def suite_page(
 
     Parameters
     ----------
+    store : Store
+        All runs of the plan, done.
     found : sequence of Profile
         Of each building and level.
-    content : mapping
-        The campaign's summary, in SI units.
     said : sequence of str
         What was found beside a limit.
     """
+    content = campaign_summary(store)
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     buildings = {one.name: one for one in plan.buildings}
@@ -137,12 +144,12 @@ def suite_page(
             model_chapter(one.model, one.period, assemble(one.model).first_mode()[1], units)
             for one in models[:_MOST_MODELS]
         ),
-        _motions([motion.record for motion in plan.motions], units),
+        _motions(_as_run(plan, store), units),
         _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (list(plan.notes),)),
         Chapter("Inputs", (_inputs(plan, content),)),
     ]
-    return page(plan.name, f"{runs['done']} of {runs['all']} runs: {about}.", chapters, warnings)
+    return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, warnings)
 
 
 _MOST_MODELS = 8
@@ -163,14 +170,36 @@ def _inputs(plan: Plan, content: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _motions(records: Sequence[Record], units: OutputUnits) -> Chapter:
-    """The ground motions before the factors of a suite, and their spectra."""
-    parts: list[Part] = [motion_table(records, component_names(records)).in_units(units)] if records else []
-    if 0 < len(records) <= _MOST_MOTIONS:
-        periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
-        spectra = [spectrum(record, periods) for record in records]
-        draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
-        parts.append(Picture(draw, "Response spectra, 5 % damping"))
+def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
+    """The motions with the factors on them, level by level from the smallest; what several buildings share once."""
+    factors: dict[tuple[int, int, int], list[float]] = {}
+    for building, motion, scale, sample, *_ in store.runs():
+        factors.setdefault((building, motion, sample), []).append(scale)
+    levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
+    for (building, motion, _), scales in factors.items():
+        for rank, scale in enumerate(sorted(scales, key=abs)):
+            levels.setdefault((building, rank), []).append((motion, scale))
+    return [
+        [(plan.motions[motion].record, scale) for motion, scale in one]
+        for one in dict.fromkeys(map(tuple, levels.values()))
+    ]
+
+
+def _motions(levels: Sequence[Sequence[tuple[Record, float]]], units: OutputUnits) -> Chapter:
+    """The ground motions as they were run, and their spectra, level by level."""
+    parts: list[Part] = []
+    for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
+        records = [record.scaled(factor) for record, factor in level]
+        factors = {factor for _, factor in level}
+        times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its factor"
+        said = "" if factors == {1.0} else f", {times}"
+        parts += [f"Level {number} of {len(levels)}{said}:"] * (len(levels) > 1)
+        parts.append(motion_table(records, component_names(records)).in_units(units))
+        if len(records) <= _MOST_MOTIONS:
+            periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
+            spectra = [spectrum(record, periods) for record in records]
+            draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+            parts.append(Picture(draw, f"Response spectra, 5 % damping{said}"))
     return Chapter("Ground motions", parts)
 
 

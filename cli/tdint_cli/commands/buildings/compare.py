@@ -13,6 +13,7 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
@@ -274,7 +275,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
         changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in values]
         more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
-        say(f"Fitted to {source} in {fitted.runs} runs: {', '.join(changes[:_FEW])}{more}.")
+        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
     for text in dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)):
         note(text)
     for text in fitted.notes if fitted else ():

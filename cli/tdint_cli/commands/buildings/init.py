@@ -12,6 +12,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.files import write_files
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.values import FileName, Name, Written
 from tdint_cli.terminal.streams import emit, say
@@ -205,7 +206,8 @@ def _laws(request: Request) -> list[FittedLaw]:
     assert request.from_pushover is not None and request.weights is not None
     curves = read_story_curves(request.from_pushover)
     if len(curves) != len(request.weights):
-        raise UsageError(f"{request.from_pushover} has {len(curves)} stories, --weights {len(request.weights)} floors")
+        stories, floors = how_many(len(curves), "story"), how_many(len(request.weights), "floor")
+        raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)
     listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_FEW]) + (" ..." if len(fits) > _FEW else "")

@@ -9,6 +9,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.output import figures, tables
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, drift_size
@@ -124,9 +125,9 @@ def _ends(test: CyclicTest, units: OutputUnits) -> str:
     """Extremes of a path in a line."""
     path = test.path
     return (
-        f"{path.drift.size} drifts from {units.of(path.drift.min(), 'm'):.4g} to {units.text(path.drift.max(), 'm')}, "
-        f"forces from {units.of(path.shear.min(), 'N'):.4g} to {units.text(path.shear.max(), 'N')}, "
-        f"{units.text(path.dissipated[-1], 'J')} dissipated."
+        f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
+        f"{units.text(path.drift.max(), 'm')}, forces from {units.of(path.shear.min(), 'N'):.4g} to "
+        f"{units.text(path.shear.max(), 'N')}, {units.text(path.dissipated[-1], 'J')} dissipated."
     )
 
 

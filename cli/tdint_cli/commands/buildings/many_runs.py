@@ -10,6 +10,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import tables
 from tdint.system import processors
+from tdint.written_numbers import how_many
 from tdint_cli.batch.campaigns import advance_with_bar, carry_out, tell_outcomes
 from tdint_cli.batch.profiles import Profiles
 from tdint_cli.errors import Failures
@@ -52,7 +53,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         units = request.output_units or model.output_units
         advance = advance_with_bar(plan, store, engine)
         emit_table(tables.campaign.runs_table(store).in_units(units))
-        say(f"{advance.done} runs.")
+        say(f"{how_many(advance.done, 'run')}.")
         tell_outcomes(store)
         profiles = Profiles(store, request, units)
         more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}

@@ -105,7 +105,7 @@ def _run(request: Request) -> None:
     for text in warnings:
         warn(text)
     if outputs.picture and (left_out := _undrawn(products)):
-        note(f"the picture shows the first components; {left_out} more are left out")
+        note(f"the picture shows the first components and leaves out {left_out} more")
     for text in notes:
         note(text)
     if failures:

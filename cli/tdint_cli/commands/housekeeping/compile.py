@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from tdint.errors import UsageError
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import emit, say
@@ -52,7 +53,7 @@ def command(
     if clean:
         from tdint.kernels.building import store
 
-        say(f"{store.clean()} compiled time loops removed.")
+        say(f"{how_many(store.clean(), 'compiled time loop')} removed.")
         if not (models or everything):
             return
     if not models and not everything:
@@ -75,4 +76,4 @@ def command(
     if not written:
         say("All of it is compiled already.")
     else:
-        say(f"{len(written)} time loops compiled, in {written[0].parent}")
+        say(f"{how_many(len(written), 'time loop')} compiled, in {written[0].parent}")

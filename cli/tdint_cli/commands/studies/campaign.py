@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
 from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
@@ -166,10 +167,10 @@ def _status(request: CampaignRequest) -> None:
         statuses, every = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
         emit_table(status_table(statuses, every - done))
-        say(f"{store.meta('name')}: {done} of {every} runs are done.")
+        say(f"{store.meta('name')}: {done} of {how_many(every, 'run')} done.")
         for kind, reasons in store.unused().items():
             if reasons:
-                warn(f"{len(reasons)} {kind}{'s' * (len(reasons) > 1)} could not be used:\n" + "\n".join(reasons))
+                warn(f"{how_many(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
 
 
 def _export(request: CampaignRequest) -> None:

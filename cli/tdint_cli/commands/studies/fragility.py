@@ -13,6 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
@@ -134,7 +135,10 @@ def _compare(
     fits = compare_measures(table, im, sufficiency)
     outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
-    say(f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {best.runs} runs; {best.left_out} left out.")
+    say(
+        f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {how_many(best.runs, 'run')}; "
+        f"{best.left_out} left out."
+    )
     for one in best.dependences:
         if one.p_value < SIGNIFICANT:
             say(f"What it leaves depends on {one.characteristic}: slope {one.slope:.3g}, p {one.p_value:.2g}.")
@@ -210,7 +214,7 @@ def _count(functions: Sequence[Fragility]) -> str:
     """How many functions of how many types, and by which fits."""
     types = dict.fromkeys(function.type for function in functions)
     fits = " and ".join(dict.fromkeys(function.fit for function in functions))
-    return f"{len(functions)} functions of {len(types)} types: {fits}."
+    return f"{how_many(len(functions), 'function')} of {how_many(len(types), 'type')}: {fits}."
 
 
 def _words(function: Fragility) -> str:

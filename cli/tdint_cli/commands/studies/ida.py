@@ -12,6 +12,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.system import processors
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
@@ -343,7 +344,7 @@ def _report(study: IdaStudy, precision: float) -> None:
     say(_words(study, len(runs)))
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
-        note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
+        note(f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one")
     again = sum(curve.resurrection for curve in study.curves)
     if again:
         note(
@@ -363,13 +364,9 @@ def _report(study: IdaStudy, precision: float) -> None:
 
 
 def _words(study: IdaStudy, runs: int) -> str:
-    text = f"{study.model.name}: {_count(study)}, {runs} runs with {study.method}."
+    records = how_many(len(study.states[0].curves), "record")
+    text = f"{study.model.name}: {records}, {how_many(runs, 'run')} with {study.method}."
     return "\n".join([text, *map(_median, study.states)])
-
-
-def _count(study: IdaStudy) -> str:
-    count = len(study.states[0].curves)
-    return f"{count} record{'s' * (count > 1)}"
 
 
 def _median(study: IdaStudy) -> str:

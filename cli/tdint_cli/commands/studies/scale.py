@@ -11,6 +11,7 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
@@ -333,7 +334,7 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     factors = scaling.factors
     count = len(factors)
     what = "record" if _single(scaling.motions[0]) else "pair"
-    text = f"{count} {what}{'s' * (count > 1)}"
+    text = how_many(count, what)
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:

@@ -13,7 +13,7 @@ from tdint.files import digest_of
 from tdint.input_bytes import note_input
 from tdint.output import figures
 from tdint.system import processors
-from tdint.written_numbers import parse_ratio
+from tdint.written_numbers import how_many, parse_ratio
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
@@ -126,7 +126,8 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     )
     first = found[0]
     say(
-        f"{advance.done} runs. {first.parameter} moves the peak drift ratio most, by {100.0 * first.swing:.3g} % of it."
+        f"{how_many(advance.done, 'run')}. {first.parameter} moves the peak drift ratio most, by "
+        f"{100.0 * first.swing:.3g} % of it."
     )
     if plan.failures:
         raise Failures([*plan.failures])

@@ -17,6 +17,7 @@ from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import oscillators
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
 """Starts by name: u(0) and h v(0), m."""
@@ -57,7 +58,8 @@ class Overshoot(Tabular):
     velocity_power: float
 
     def _headline(self) -> str:
-        return f"of {self.method} from a {self.start}, dt/T {self.dt_over_t:g}, {self.displacement.size - 1} steps"
+        steps = how_many(self.displacement.size - 1, "step")
+        return f"of {self.method} from a {self.start}, dt/T {self.dt_over_t:g}, {steps}"
 
     @property
     def growing(self) -> set[str]:

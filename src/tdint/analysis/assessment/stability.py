@@ -14,6 +14,7 @@ from tdint.arrays import Array
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
 _REAL = 1e-9  # imaginary part of a root that is real but for rounding
@@ -58,7 +59,7 @@ class StabilityCurve(Tabular):
     amplitude_decay: Array
 
     def _headline(self) -> str:
-        return f"of {self.method}, damping {self.damping:g}, {self.dt_over_t.size} steps"
+        return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
 
 
 def stability(integrator: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:

@@ -18,6 +18,7 @@ from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 USUAL = "newmark-average"
 """What most programs do unless told otherwise, at the record's step."""
@@ -133,8 +134,9 @@ class Chart(Tabular):
     usual: Point
 
     def _headline(self) -> str:
-        lines = dict.fromkeys(point.line for point in self.points)
-        return f"of {len(lines)} methods, {len(self.points)} points, {self.stories} stories"
+        lines = len({point.line for point in self.points})
+        counts = {"method": lines, "point": len(self.points), "story": self.stories}
+        return "of " + ", ".join(how_many(count, what) for what, count in counts.items())
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:

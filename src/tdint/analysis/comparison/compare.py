@@ -24,7 +24,7 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, load_recording
 from tdint.tabular import Tabular
-from tdint.written_numbers import parse_positive
+from tdint.written_numbers import how_many, parse_positive
 
 _LONGEST_SHIFT = 10.0
 """s; clocks that are further apart are no matter of a shift."""
@@ -122,8 +122,8 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        least = min(one.correlation for one in self.floors)
-        return f"of {self.response.model.name!r}: {len(self.floors)} floors, correlations of {least:.3f} and more"
+        least, floors = min(one.correlation for one in self.floors), how_many(len(self.floors), "floor")
+        return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
         """Response spectra of the floors' absolute accelerations, of the part that is compared.

@@ -15,6 +15,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.quantity import Quantity, quantities
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -137,7 +138,8 @@ class StoryPeaks(Tabular, StoryValues):
     height: Array
 
     def _headline(self) -> str:
-        return f"of {self.peak_drift.shape[-1]} stories, largest drift {np.nanmax(self.peak_drift, initial=0.0):.4g} m"
+        largest = np.nanmax(self.peak_drift, initial=0.0)
+        return f"of {how_many(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
 
 @dataclass(frozen=True)
@@ -302,7 +304,8 @@ class History(Tabular):
     error: ErrorHistory | None = None
 
     def _headline(self) -> str:
-        return f"of {self.displacement.shape[1]} stories, {len(self.time) - 1} steps to {self.time[-1]:.6g} s"
+        stories, steps = how_many(self.displacement.shape[1], "story"), how_many(len(self.time) - 1, "step")
+        return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
 
     def without_error(self) -> History:
         """The same where the error that was carried along does not do: it is nan."""
@@ -455,7 +458,7 @@ class Response(Tabular):
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))
         return (
-            f"of {self.model.name!r}: {self.status}, {self.method}, {self.steps} steps of {self.dt:.6g} s, "
+            f"of {self.model.name!r}: {self.status}, {self.method}, {how_many(self.steps, 'step')} of {self.dt:.6g} s, "
             f"largest drift {self.stories.peak_drift[story]:.4g} m in story {story + 1}"
         )
 

@@ -16,6 +16,7 @@ from tdint.model.config.model_file import load_judged, model_of
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,9 +40,8 @@ class Overview(Tabular):
     damping: float
 
     def _headline(self) -> str:
-        return (
-            f"of {self.model.name!r}: {self.stories} stories, T1 {self.period:.4g} s, laws {self.laws}, {self.method}"
-        )
+        stories = how_many(self.stories, "story")
+        return f"of {self.model.name!r}: {stories}, T1 {self.period:.4g} s, laws {self.laws}, {self.method}"
 
     @property
     def stories(self) -> int:

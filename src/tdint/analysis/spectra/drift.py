@@ -23,6 +23,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 MOST_STORIES = 1000
 MOST_BEAM_MODES = 20_000
@@ -87,7 +88,7 @@ class DriftSpectrum(Tabular):
     roof_drift_ratio: Array
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
 
 def drift_spectrum(

@@ -25,6 +25,7 @@ from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolat
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -72,7 +73,7 @@ class Spectrum(Tabular):
     interpolation: str = LINEAR.name
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
 
 @dataclass(frozen=True)

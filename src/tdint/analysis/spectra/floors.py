@@ -11,6 +11,7 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 ROOF = "roof"
 _CHANNEL = "HNX"
@@ -24,7 +25,8 @@ class FloorSpectrum(Tabular):
     spectrum: Spectrum
 
     def _headline(self) -> str:
-        return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {self.spectrum.periods.size} periods"
+        periods = how_many(self.spectrum.periods.size, "period")
+        return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {periods}"
 
 
 def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:

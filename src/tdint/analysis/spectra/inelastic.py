@@ -20,6 +20,7 @@ from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
+from tdint.written_numbers import how_many
 
 SHORTEST = 1e-3
 """The shortest period over the sampling interval: shorter ones take too many steps."""
@@ -68,7 +69,7 @@ class InelasticSpectrum(Tabular):
     residual: Array
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
     @property
     def ductility(self) -> Array:

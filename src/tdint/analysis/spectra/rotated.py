@@ -18,6 +18,7 @@ from tdint.ground_motion.interpolation import Interpolation
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,7 +54,7 @@ class RotatedSpectrum(Tabular):
     interpolation: str
 
     def _headline(self) -> str:
-        return f"of {self.motion.source}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.motion.source}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
 
 def rotated_spectrum(

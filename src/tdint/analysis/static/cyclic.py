@@ -114,7 +114,7 @@ class CyclicTest(Tabular):
     path: LawPath
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}, story {self.story}, {self.law} law, {self.path.drift.size} points"
+        return f"of {self.model.name!r}, story {self.story}, {self.law} law, {how_many(self.path.drift.size, 'point')}"
 
     @property
     def height(self) -> float:

@@ -27,6 +27,7 @@ from tdint.model.damage_states import DONE, FALLEN
 from tdint.quantity import suffix
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION
+from tdint.written_numbers import how_many
 
 NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud), "
@@ -83,7 +84,7 @@ class FragilityResult(Tabular):
 
     def _headline(self) -> str:
         medians = ", ".join(f"{one.theta:.4g} {one.unit}".rstrip() for one in self.functions)
-        return f"of {len(self.functions)} functions, medians {medians}"
+        return f"of {how_many(len(self.functions), 'function')}, medians {medians}"
 
 
 def fragility(
@@ -192,7 +193,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
         for one in _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
     ]
     without = int(np.sum(~known))
-    warnings = (f"{table.source}: {without} rows without a capacity left out",) * (without > 0)
+    warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (without > 0)
     return FragilityResult.of(found, *warnings)
 
 

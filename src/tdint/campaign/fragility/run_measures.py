@@ -35,7 +35,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
 from tdint.quantity import suffix
 from tdint.units import ACCELERATION, LENGTH, VELOCITY
-from tdint.written_numbers import Grid, parse_grid, parse_ratio
+from tdint.written_numbers import Grid, how_many, parse_grid, parse_ratio
 
 FIRST = "T1"
 """The first period of each building."""
@@ -301,7 +301,7 @@ def compare_measures(
 def line(x: Array, y: Array, characteristics: dict[str, Array], name: str = "the measure") -> MeasureFit:
     """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on characteristics."""
     if x.size < _LEAST:
-        raise AnalysisError(f"{name}: {x.size} runs that ended have it; a line with a dispersion needs {_LEAST}")
+        raise AnalysisError(f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}")
     if np.ptp(x) == 0.0:
         raise AnalysisError(f"{name}: is the same in all runs")
     fit = linregress(x, y)

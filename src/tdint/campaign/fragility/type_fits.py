@@ -26,6 +26,7 @@ from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store.store import Store, check_chunks, open_existing
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import FALLEN, DamageStates
+from tdint.written_numbers import how_many
 
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
@@ -90,7 +91,7 @@ def fit_types(folder: Path, request: FragilityRequest) -> FragilityResult:
         for state, one in zip(runs.states.states, _fitted(runs, request), strict=True)
     ]
     lost = sum(runs.failed for runs in found.values())
-    warnings = (f"{folder}: {lost} runs have no result and are left out",) * (lost > 0)
+    warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
     return FragilityResult.of(fitted, *warnings)
 
 

@@ -35,6 +35,7 @@ from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
 from tdint.system import on_threads
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios whose capacities are told beside that of collapse, where neither the settings nor the model's damage
@@ -128,7 +129,9 @@ class IdaStudy(Tabular):
     checked: bool = False
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}: {len(self.curves)} records, levels of {self.im_name}, {self.method}"
+        return (
+            f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of {self.im_name}, {self.method}"
+        )
 
     @property
     def im_name(self) -> str:

@@ -31,6 +31,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
 
 LEAST_PAIRS = 11
 """Ground motions that ASCE 7-16 asks for (16.2.2)."""
@@ -86,7 +87,7 @@ class Scaling(Tabular):
 
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)
-        return f"of {len(self.motions)} motions by the rule {self.rule}, factors {low:.4g} to {high:.4g}"
+        return f"of {how_many(len(self.motions), 'motion')} by the rule {self.rule}, factors {low:.4g} to {high:.4g}"
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
         """The motions whose factors lie outside these, and the factors."""

@@ -29,6 +29,7 @@ from tdint.ground_motion.formats.series import (
     stated_peak,
 )
 from tdint.units import parse_units
+from tdint.written_numbers import how_many
 
 _TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
 _INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
@@ -118,7 +119,7 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     match = _announced(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
-        raise RecordError(f"the header that ends with line {lines.number} has only {len(values)} values")
+        raise RecordError(f"the header that ends with line {lines.number} has only {how_many(len(values), 'value')}")
     return values
 
 
@@ -147,7 +148,7 @@ def _series(
         raise RecordError(f"its header gives the samples in {block[4].strip()!r}, which is no unit of {quantity}")
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
-        raise RecordError(f"{missing} samples are marked as unknown ({unknown:g})")
+        raise RecordError(f"{how_many(missing, 'sample')} marked as unknown ({unknown:g})")
     stated = first_match(_PEAK, texts)
     return Series(
         _integers(samples) if counts else samples,

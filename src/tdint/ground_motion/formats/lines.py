@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
+from tdint.written_numbers import how_many
 
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of text in UTF-16, as spreadsheets save it."""
@@ -184,7 +185,7 @@ class Lines:
     def _row_of(self, columns: int) -> list[float]:
         row = self._row(None)
         if len(row) != columns:
-            raise RecordError(f"line {self._next} holds {len(row)} numbers, not {columns}")
+            raise RecordError(f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}")
         return row
 
     def _row(self, width: int | None) -> list[float]:

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER
+from tdint.written_numbers import how_many
 
 TIME, OTHER = "time", "other"
 SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3}
@@ -248,7 +249,7 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     declared = _together(lines)
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
-        raise RecordError(f"its header names {len(names)} columns, the rows have {width}")
+        raise RecordError(f"its header names {how_many(len(names), 'column')}, the rows have {width}")
     return TableHeader(declared, names)
 
 

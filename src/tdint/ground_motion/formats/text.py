@@ -47,6 +47,7 @@ from tdint.ground_motion.header_checks.statement import SAMPLES, STEP
 from tdint.ground_motion.sampling_interval import equal_steps
 from tdint.ground_motion.text_layout import AS_STATED, SAME_STEP, TextLayout
 from tdint.units import parse_units
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -111,7 +112,7 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     common = replace(_without_samples(header), dt=dt, compared=compared)
     taken = chosen or _accelerations(header.names, range(_leading(columns, times, layout), width))
     if layout.skip_lines:
-        warnings.warn(f"{layout.skip_lines} lines at its beginning are passed over, as asked", stacklevel=2)
+        warnings.warn(f"{how_many(layout.skip_lines, 'line')} at its beginning passed over, as asked", stacklevel=2)
     if stated is None:
         warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
     return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)

@@ -16,6 +16,7 @@ from typing import Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
 from tdint.ground_motion.formats.series import Series, code, first_match, moment, reader, required_units, stated_peak
+from tdint.written_numbers import how_many
 
 _TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
 _DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
@@ -84,7 +85,9 @@ def _skip_repeated(lines: Lines, last: list[float]) -> None:
         repeated += 1
     lines.expect_end()
     if repeated:
-        warnings.warn(f"{repeated} rows that repeat the last one stand beyond those announced: left out", stacklevel=2)
+        warnings.warn(
+            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out", stacklevel=2
+        )
 
 
 def _of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.record import masked_samples
+from tdint.written_numbers import how_many
 
 _IMPLAUSIBLE = 100.0
 """Ten times gravity, m/s^2: four times the largest ground acceleration ever recorded."""
@@ -141,4 +142,6 @@ def _check_adjacent(before: Any, after: Any, label: str) -> None:
 def _check_unmasked(trace: Any, label: str) -> None:
     missing = masked_samples(trace.data)
     if missing:
-        raise RecordError(f"{label}: {missing} samples are marked as missing; cut the record to its unbroken part")
+        raise RecordError(
+            f"{label}: {how_many(missing, 'sample')} marked as missing; cut the record to its unbroken part"
+        )

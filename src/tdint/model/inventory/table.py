@@ -12,6 +12,7 @@ from tdint.errors import ModelFault
 from tdint.model.inventory.capacity import DAMPING_RATIO, UNIT_MASS, CapacityClass, CapacityFacts
 from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts
 from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
+from tdint.written_numbers import how_many
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
@@ -104,7 +105,7 @@ def read_inventory(
         row = _Row(table, line, cells, places, faults)
         if table.overfull(cells):
             width = len(table.header)
-            row.fault(width, "", f"{len(cells)} cells under {width} columns")
+            row.fault(width, "", f"{how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
         facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
         building = row.building(facts, carried)

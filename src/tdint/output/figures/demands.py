@@ -222,7 +222,7 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     _name_below(figure, grid.ravel())
     what = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
-    add_title(figure, f"{what}, {suites[0].runs} motions\nspectra of absolute floor accelerations{more}")
+    add_title(figure, f"{what}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}")
     return figure
 
 

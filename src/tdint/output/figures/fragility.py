@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from tdint.campaign.fragility.fits import CloudPoints, Fragility
 from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, line_look, plain_logarithmic
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
+from tdint.written_numbers import how_many
 
 _POINTS = 300
 _ACROSS = 4  # panels of types in a row
@@ -159,7 +160,7 @@ def _title(functions: Sequence[Fragility]) -> str:
     text = _NAMES[first.fit]
     if first.fit == "ida":
         text += ", maximum likelihood" if any(one.censored for one in functions) else ", method of moments"
-    count = f"{first.records} records" if first.fit != "cloud" else f"{first.records} runs"
+    count = how_many(first.records, "run" if first.fit == "cloud" else "record")
     numbers = {one.censored for one in functions}
     most = max(numbers)
     censored = f", {'up to ' * (len(numbers) > 1)}{most} censored" if most else ""

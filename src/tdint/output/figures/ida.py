@@ -13,6 +13,7 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.intensity import MotionIntensity
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, record_name
 from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
+from tdint.written_numbers import how_many
 
 _PARTS = (0.16, 0.5, 0.84)
 _POINTS = 240
@@ -35,7 +36,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     states = study.states
     count = len(states[0].curves)
     look = single_look(count > 1 or len(states) > 1)
-    axes.plot([], [], label=f"{count} record{'s' * (count > 1)}", **look)
+    axes.plot([], [], label=how_many(count, "record"), **look)
     for curve in study.curves:
         _draw_curve(axes, curve, limit, look)
     for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):

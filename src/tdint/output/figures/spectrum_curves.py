@@ -24,6 +24,7 @@ from tdint.output.figures.spectrum_axes import (
 )
 from tdint.output.figures.style import LIGHT, add_title, line_look, plain_numbers, record_name, record_names
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -242,8 +243,7 @@ def _buildings(spectrum: DriftSpectrum) -> str:
     least, most = int(spectrum.stories.min()), int(spectrum.stories.max())
     if most == 0:
         return "continuous shear beam"
-    stories = f"{most}" if least == most else f"{least} to {most}"
-    return f"shear buildings of {stories} {'story' if most == 1 else 'stories'}"
+    return f"shear buildings of {f'{least} to ' * (least < most)}{how_many(most, 'story')}"
 
 
 def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:

@@ -28,6 +28,7 @@ from tdint.output.figures.style import (
 )
 from tdint.output_units import SI, OutputUnits
 from tdint.units import ACCELERATION, STANDARD_GRAVITY
+from tdint.written_numbers import how_many
 
 GRAY = "0.72"
 """Of what is one record among many."""
@@ -110,7 +111,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     several = len(spectra) > 1
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
-    axes.plot([], [], label=f"{len(spectra)} {what}{'s' * several}", **look)
+    axes.plot([], [], label=how_many(len(spectra), what), **look)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _FEW:
@@ -193,6 +194,6 @@ def _title(scaling: Scaling, units: OutputUnits) -> str:
     records = [record for motion in scaling.motions for record in components(motion)]
     count = len(scaling.motions)
     what = "record" if isinstance(scaling.motions[0], Record) else "pair"
-    names = f"{count} {what}s" if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    names = how_many(count, what) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
     measure = f", {_PAIR[scaling.pair]}" if what == "pair" and scaling.rule != "p695" else ""
     return f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{measure}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.fit import FittedValue
     from tdint.analysis.static.cyclic import CyclicTest
     from tdint.analysis.static.pushover import Pushover
+    from tdint.kernels.laws.law import LawParameter
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
@@ -181,35 +183,68 @@ MODEL = (
     Column("mass_kg", "kg", lambda model: _of_stories(model, "mass"), "mass of the floor above"),
     Column("height_m", "m", lambda model: _of_stories(model, "height"), "story height"),
     Column("stiffness_N_m", "N/m", lambda model: _of_stories(model, "stiffness"), "initial stiffness"),
-    Column("law", "text", lambda model: np.array([*map(law_words, model.stories)], object), "drift law, SI units"),
-    Column("dashpots", "text", lambda model: np.array([*map(_dashpot, model.stories)], object), "SI units"),
 )
-"""The stories of a model."""
+"""The stories of a model; words on their laws and dashpots come behind."""
 
 
 def _of_stories(model: Model, name: str) -> Array:
     return np.array([math.nan if (value := getattr(one, name)) is None else value for one in model.stories])
 
 
-def law_words(story: Story) -> str:
-    """The law of a story with its parameters in SI units."""
-    names = [one.path for one in LAWS[story.law.name].parameters]
-    values = [f"{value:.4g}" for value in story.law.parameters]
-    if len(names) == len(values):
-        values = [f"{name} {value}" for name, value in zip(names, values, strict=True)]
+def law_words(story: Story, units: OutputUnits = SI) -> str:
+    """The law of a story with its parameters, named as in a model file; those are left out that say nothing by
+    themselves: what they are where a file has none of them, or a negative side like the positive one."""
+    numbers, told = iter(story.law.parameters), []
+    known: dict[str, tuple[float, ...]] = {}
+    for one in LAWS[story.law.name].parameters:
+        values = tuple(islice(numbers, 8 if one.points else None if one.many else 1))
+        usual = known[one.default] if isinstance(one.default, str) else (one.default,)
+        known.setdefault(one.name, values)
+        if values not in (usual, (one.without,)):
+            told.append(f"{one.path} {_parameter_words(one, values, units)}")
     isolator = "; isolator" if story.isolator else ""
-    return story.law.name + (f": {', '.join(values)}" if values else "") + isolator
+    return story.law.name + (f": {', '.join(told)}" if told else "") + isolator
 
 
-def _dashpot(story: Story) -> str:
-    if (power := story.power_dashpot) is not None:
-        return f"{power.coefficient:.4g} v^{power.exponent:g}"
-    return f"{story.dashpot:.4g} v" if story.dashpot else ""
+def _parameter_words(parameter: LawParameter, values: Sequence[float], units: OutputUnits) -> str:
+    """A number with its unit, the numbers of a list, or the points of a backbone, force at drift."""
+    if parameter.points:
+        points = zip(values[::2], values[1::2], strict=True)
+        return ", ".join(f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points)
+    if parameter.many:
+        return ", ".join(_in_units(value, 1, -j, units) for j, value in enumerate(values, start=1))
+    return _in_units(values[0], parameter.force, parameter.length, units)
 
 
-def model_table(model: Model) -> Table:
+def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
+    """A number of the dimension force^i length^j and its unit: 5000 kN/m."""
+    above: list[str] = []
+    below: list[str] = []
+    for si, power in (("N", force), ("m", length)):
+        name, factor = units.unit(si)
+        value /= factor**power
+        (above if power > 0 else below).extend([name if abs(power) == 1 else f"{name}^{abs(power)}"] * bool(power))
+    unit = "/".join(["*".join(above) or "1", *below])
+    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
+
+
+def _dashpot_words(story: Story, units: OutputUnits) -> str:
+    """Force over the rate of drift v: of a dashpot, or of one that follows a power law."""
+    power = story.power_dashpot
+    coefficient, exponent = (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
+    if not coefficient:
+        return ""
+    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
+    law = "v" if exponent == 1.0 else f"v^{exponent:g}"
+    return f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
+
+
+def model_table(model: Model, units: OutputUnits = SI) -> Table:
     """One row per story, from the ground up."""
-    return Table.of_results(MODEL, [model])
+    numbers = Table.of_results(MODEL, [model]).in_units(units)
+    words = [(law_words(story, units), _dashpot_words(story, units)) for story in model.stories]
+    rows = [(*row, *said) for row, said in zip(numbers.rows, words, strict=True)]
+    return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
