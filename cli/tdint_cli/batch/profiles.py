@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
+from tdint_cli.options.headings import Declared
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.spectra import FloorRequest
@@ -26,30 +26,28 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """In the folder of -o."""
 
 
-def drift_limit(*names: str) -> Callable[[Function], Function]:
-    """The options --drift-limit (under more names) and --require."""
-    limit = options.analysis.option(
+def drift_limit(*names: str) -> Declared:
+    """The option --drift-limit, under more names."""
+    return options.analysis.option(
         *names,
         "--drift-limit",
-        "drift_limit",
         type=Ratio(0.0, 1.0, min_open=True),
         metavar="2%",
         help="Say whether the mean of the motions' largest drift ratios stays within this in every story; a line of "
         "the picture, too.",
     )
-    require = options.analysis.option(
-        "--require",
-        is_flag=True,
-        needs="--drift-limit",
-        help="End with exit code 5 unless it does, under every motion without collapse.",
-    )
-    return lambda command: limit(require(command))
+
+
+REQUIRE = options.analysis.option(
+    is_flag=True,
+    needs="--drift-limit",
+    help="End with exit code 5 unless it does, under every motion without collapse.",
+)
+"""The option --require, behind it."""
 
 
 @dataclass(frozen=True, kw_only=True)

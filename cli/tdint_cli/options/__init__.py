@@ -3,11 +3,12 @@
 from typing import TYPE_CHECKING
 
 from tdint.tabular import modules_on_use
-from tdint_cli.options.headings import command, option
+from tdint_cli.options.headings import argument, command, of, option, request
 
 if TYPE_CHECKING:
     from tdint_cli.options import analysis, building, output, record, spectra, studies
 
-__all__ = ["analysis", "building", "command", "option", "output", "record", "spectra", "studies"]
+__all__ = ["analysis", "building", "output", "record", "spectra", "studies"]
+__all__ += ["argument", "command", "of", "option", "request"]
 
 __getattr__ = modules_on_use(__name__)

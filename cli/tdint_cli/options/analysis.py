@@ -75,7 +75,7 @@ def plugins(text: str = "", exposed: bool = True) -> Callable[[Function], Functi
 plugin = plugins(exposed=False)
 
 
-def method_of(needs: str) -> Callable[[Function], Function]:
+def method_of(needs: str) -> headings.Declared:
     """The option --method, of what it `needs`."""
     return option(
         "--method",
@@ -90,7 +90,7 @@ def method_of(needs: str) -> Callable[[Function], Function]:
 method = method_of("")
 
 
-def methods(text: str) -> Callable[[Function], Function]:
+def methods(text: str) -> headings.Declared:
     """The option --method of commands that take several; `text` says which if there is none."""
     return option(
         "--method",
@@ -154,7 +154,7 @@ DRAWN = (
 """Methods of a picture of all: what people compare with, and what is ours; more lines are not told apart."""
 
 
-def draw_all(names: Sequence[str]) -> Callable[[Function], Function]:
+def draw_all(names: Sequence[str]) -> headings.Declared:
     """The option --all of a picture that has these methods without it."""
     return headings.option(
         "--all",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import click
 from click.core import ParameterSource
@@ -14,6 +15,10 @@ from tdint_cli.options.values import ListOf
 from tdint_cli.settings import Settings
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Kind = TypeVar("Kind")
+
+_OPTIONS: dict[type[Any], Sequence[Callable[[Any], Any]]] = {}
+"""Of each request."""
 
 OWN, RECORD, SPECTRUM, INTENSITY = "Options", "Record", "Spectrum", "Intensity"
 ANALYSIS, OUTPUT, GENERAL = "Analysis", "Output", "General"
@@ -30,9 +35,55 @@ class HeadedOption(click.Option):
         self.needs = needs
 
 
+if TYPE_CHECKING:
+
+    class _Value(Any):  # type: ignore[misc]
+        """In a request a declaration stands for the value that is given."""
+else:
+    _Value = object
+
+
+@dataclass(frozen=True)
+class Declared(_Value):
+    """An option or an argument: what declares it of a command, or of a field of its request (`request`).
+
+    Attributes
+    ----------
+    declare : callable
+        `click.option` or `click.argument`.
+    names : tuple of str
+        As click takes them; in a request they may be left out.
+    settings : dict
+        What click is told of it.
+    behind : sequence of callable
+        What is declared with it, behind it; no field has their values.
+    """
+
+    declare: Any
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+    behind: Sequence[Callable[[Any], Any]] = ()
+
+    def __call__(self, command: Function) -> Function:
+        return with_options((self.declare(*self.names, **self.settings), *self.behind), command)
+
+    def of_field(self, name: str) -> Declared:
+        """The same for a field of a request, which names what has no name, and is what the command gets it as."""
+        flags = [flag for flag in self.names if flag.startswith("-")]
+        if not flags and self.declare is click.option:
+            flags = [f"--{name.replace('_', '-')}"]
+        return replace(self, names=(*flags, name))
+
+
 def option(
-    *names: str, heading: str = OWN, many: bool = False, needs: str = "", once: bool = True, **settings: Any
-) -> Callable[[Function], Function]:
+    *names: str,
+    heading: str = OWN,
+    many: bool = False,
+    needs: str = "",
+    once: bool = True,
+    behind: Sequence[Callable[[Any], Any]] = (),
+    **settings: Any,
+) -> Declared:
     """As `click.option`, under a heading.
 
     `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
@@ -43,7 +94,29 @@ def option(
     """
     if many:
         settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
-    return click.option(*names, cls=HeadedOption, heading=heading, needs=needs, **settings)
+    return Declared(click.option, names, settings | {"cls": HeadedOption, "heading": heading, "needs": needs}, behind)
+
+
+def argument(metavar: str, **settings: Any) -> Declared:
+    """As `click.argument`, of a field of a request."""
+    return Declared(click.argument, (), settings | {"metavar": metavar})
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def request(kind: type[Kind]) -> type[Kind]:
+    """A command line as a frozen dataclass: a field whose default is an option is given by it (`of`), in the order of
+    the fields, others by what else the command has."""
+    declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declared)}
+    for name in declared:
+        delattr(kind, name)
+    made = dataclass(frozen=True, kw_only=True)(kind)
+    _OPTIONS[made] = tuple(value.of_field(name) for name, value in declared.items())
+    return made
+
+
+def of(kind: type[Any]) -> Callable[[Function], Function]:
+    """The options that are declared in a request, not in those it is derived from."""
+    return lambda command: with_options(_OPTIONS[kind], command)
 
 
 def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:

@@ -32,7 +32,7 @@ option = partial(headings.option, heading=headings.OUTPUT)
 TABLE = "Write the table to this file instead of standard output."
 
 
-def output(metavar: str = "FILE", text: str = TABLE) -> Callable[[Function], Function]:
+def output(metavar: str = "FILE", text: str = TABLE) -> headings.Declared:
     """The option -o; what it names differs between the commands."""
     kind = FileName(folder=metavar == "DIR")
     return option("-o", "--output", type=kind, metavar=metavar, callback=refuse_empty, help=text)
@@ -52,10 +52,9 @@ def check_report(value: str | None) -> str | None:
     return value
 
 
-def plot(text: str) -> Callable[[Function], Function]:
+def plot(text: str) -> headings.Declared:
     """The option --plot; what it draws differs between the commands."""
-    own = option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
-    return lambda command: headings.with_options((own, *_PRINTED), command)
+    return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text, behind=_PRINTED)
 
 
 def _printed(name: str, read: Callable[[Any], Any]) -> Callable[..., None]:

@@ -32,7 +32,7 @@ def pair_measure(wish: PairWish | None) -> str:
     return (wish and wish.measure) or PAIRS[0]
 
 
-def target(text: str, heading: str = headings.OWN) -> Callable[[Function], Function]:
+def target(text: str, heading: str = headings.OWN) -> headings.Declared:
     """The option --target; what becomes of it differs between the commands."""
     named = (
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
@@ -41,7 +41,7 @@ def target(text: str, heading: str = headings.OWN) -> Callable[[Function], Funct
     return headings.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
 
 
-def pairs(text: str) -> Callable[[Function], Function]:
+def pairs(text: str) -> headings.Declared:
     """The option --pairs; what it does differs between the commands."""
     return option(
         "--pairs",
@@ -52,7 +52,7 @@ def pairs(text: str) -> Callable[[Function], Function]:
     )
 
 
-def damping(needs: str) -> Callable[[Function], Function]:
+def damping(needs: str) -> headings.Declared:
     """The option --damping, of the measures that it `needs`."""
     return option(
         "--damping",
@@ -64,7 +64,7 @@ def damping(needs: str) -> Callable[[Function], Function]:
     )
 
 
-def average(needs: str) -> Callable[[Function], Function]:
+def average(needs: str) -> headings.Declared:
     """The option --average, of the measure that it `needs`."""
     return option(
         "--average",

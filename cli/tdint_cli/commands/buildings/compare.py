@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +33,9 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
     from tdint.written_numbers import Grid
 
+TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
+"""The files of a comparison."""
+
 PERIODS = "0.04:4:100"
 """Of the spectra, s, where none are asked for."""
 
@@ -50,23 +52,68 @@ def _requirement(text: str) -> tuple[str, float]:
         raise click.BadParameter(str(error)) from None
 
 
-@dataclass(frozen=True)
+@options.request
 class Request:
     """The command line of `tdint compare`."""
 
     model: str
-    recorded: str
-    fit: tuple[str, ...] | None
-    blind: tuple[str, ...] | None
-    require: tuple[tuple[str, float], ...] | None
-    method: str | None
-    dt: float | None
-    damping: float
-    periods: Grid | None
-    output: str | None
-    plot: str | None
-    overwrite: bool
-    output_units: OutputUnits | None
+    recorded: str = options.option(
+        type=FileName(),
+        required=True,
+        metavar="FILE",
+        help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, "
+        "shift.",
+    )
+    fit: tuple[str, ...] | None = options.option(
+        type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
+        many=True,
+        metavar="stiffness|stiffness-factor,damping",
+        help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor "
+        "can tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
+        "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
+    )
+    blind: tuple[str, ...] | None = options.option(
+        needs="--fit",
+        type=FileName(),
+        many=True,
+        metavar="FILE,...",
+        help="Compare other recordings, too, with the fitted values; adds the column recorded.",
+    )
+    require: tuple[tuple[str, float], ...] | None = options.option(
+        type=Written("requirement", _requirement),
+        many=True,
+        metavar="NAME=NUMBER,...",
+        help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this "
+        "and its inverse, or an rms_difference of at most this.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.option(
+        type=float,
+        metavar="SECONDS",
+        help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
+        "method's error is not seen.",
+    )
+    damping: float = options.spectra.option(
+        needs="-o or --plot",
+        type=options.analysis.damping_ratio,
+        default=0.05,
+        metavar="RATIO",
+        help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
+    )
+    periods: Grid | None = options.spectra.option(
+        needs="-o or --plot",
+        type=grid(),
+        metavar="FIRST:LAST:COUNT",
+        help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
+    )
+    output: str | None = options.output.output(
+        "DIR|FILE.csv",
+        f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT}, too; or the table to this file "
+        "and the others beside it, their names behind its name.",
+    )
+    plot: str | None = options.output.picture
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
 
     def file(self, name: str) -> Path:
         """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
@@ -87,75 +134,9 @@ class Request:
         return [*map(self.file, names), *([self.picture] if self.picture else [])]
 
 
-TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
-"""The files of a comparison."""
-
-
 @options.command("compare")
 @options.building.model
-@options.option(
-    "--recorded",
-    type=FileName(),
-    required=True,
-    metavar="FILE",
-    help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, shift.",
-)
-@options.option(
-    "--fit",
-    type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
-    many=True,
-    metavar="stiffness|stiffness-factor,damping",
-    help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor can "
-    "tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
-    "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
-)
-@options.option(
-    "--blind",
-    needs="--fit",
-    type=FileName(),
-    many=True,
-    metavar="FILE,...",
-    help="Compare other recordings, too, with the fitted values; adds the column recorded.",
-)
-@options.option(
-    "--require",
-    type=Written("requirement", _requirement),
-    many=True,
-    metavar="NAME=NUMBER,...",
-    help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this and "
-    "its inverse, or an rms_difference of at most this.",
-)
-@options.analysis.method
-@options.analysis.option(
-    "--dt",
-    type=float,
-    metavar="SECONDS",
-    help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
-    "method's error is not seen.",
-)
-@options.spectra.option(
-    "--damping",
-    needs="-o or --plot",
-    type=options.analysis.damping_ratio,
-    default=0.05,
-    metavar="RATIO",
-    help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
-)
-@options.spectra.option(
-    "--periods",
-    needs="-o or --plot",
-    type=grid(),
-    metavar="FIRST:LAST:COUNT",
-    help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
-)
-@options.output.output(
-    "DIR|FILE.csv",
-    f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT}, too; or the table to this file and "
-    "the others beside it, their names behind its name.",
-)
-@options.output.picture
-@options.output.units
-@options.output.overwrite
+@options.of(Request)
 def command(**given: Any) -> None:
     """A building's result beside what was recorded in it.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,91 +51,72 @@ def _weights(text: str) -> tuple[float, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
+@options.request
 class Request:
     """The command line of `tdint init`."""
 
-    file: str
-    stories: int
-    period: float | None
-    structure: str | None
-    year: int | None
-    area: float | None
-    weights: tuple[float, ...] | None
-    from_pushover: str | None
-    law: str
-    motion: str | None
-    units: str
-    overwrite: bool
+    file: str = options.argument("[FILE]", default=FILE, type=FileName())
+    stories: int = options.option(
+        type=click.IntRange(1, _MOST_STORIES),
+        default=_STORIES,
+        metavar="COUNT",
+        help=f"Stories; {_STORIES} by default.",
+    )
+    period: float | None = options.option(
+        type=click.FloatRange(0.0, 100.0, min_open=True),
+        metavar="SECONDS",
+        help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
+    )
+    weights: tuple[float, ...] | None = options.option(
+        type=Written("weights", _weights),
+        metavar="WEIGHT,...",
+        help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
+        "stiffnesses such that the first mode is a straight line with --period.",
+    )
+    from_pushover: str | None = options.option(
+        type=FileName(),
+        needs="--weights",
+        metavar="CURVES.csv",
+        help="Fit the law of each story to its curve in this CSV file, with the columns story, drift_m and shear_N (or "
+        "in other units); says the misfit.",
+    )
+    law: str = options.option(
+        needs="--from-pushover",
+        type=click.Choice(["bilinear", "trilinear", "multilinear"]),
+        default="bilinear",
+        help="What is fitted; bilinear by default. A multilinear one has four points and may fall; none of them "
+        "pinches.",
+    )
+    motion: str | None = options.option(
+        metavar="NAME:PARAMETERS",
+        help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
+        "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (m/s).",
+    )
+    structure: str | None = options.option(
+        "--type",
+        type=Name(_structures),
+        metavar="NAME",
+        help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
+    )
+    year: int | None = options.option(
+        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", help="Its year of construction."
+    )
+    area: float | None = options.option(
+        needs="--type",
+        type=click.FloatRange(0.0, min_open=True),
+        metavar="AREA",
+        help="The area of one floor, in m^2, of --units us in ft^2.",
+    )
+    units: str = options.option(
+        type=click.Choice(["si", "us"]),
+        default="si",
+        help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by default.",
+    )
+    overwrite: bool = options.output.overwrite
 
 
 @options.command("init")
-@click.argument("file", metavar="[FILE]", default=FILE, type=FileName())
-@options.option(
-    "--stories",
-    type=click.IntRange(1, _MOST_STORIES),
-    default=_STORIES,
-    metavar="COUNT",
-    help=f"Stories; {_STORIES} by default.",
-)
-@options.option(
-    "--period",
-    type=click.FloatRange(0.0, 100.0, min_open=True),
-    metavar="SECONDS",
-    help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
-)
-@options.option(
-    "--weights",
-    type=Written("weights", _weights),
-    metavar="WEIGHT,...",
-    help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
-    "stiffnesses such that the first mode is a straight line with --period.",
-)
-@options.option(
-    "--from-pushover",
-    type=FileName(),
-    needs="--weights",
-    metavar="CURVES.csv",
-    help="Fit the law of each story to its curve in this CSV file, with the columns story, drift_m and shear_N (or in "
-    "other units); says the misfit.",
-)
-@options.option(
-    "--law",
-    needs="--from-pushover",
-    type=click.Choice(["bilinear", "trilinear", "multilinear"]),
-    default="bilinear",
-    help="What is fitted; bilinear by default. A multilinear one has four points and may fall; none of them pinches.",
-)
-@options.option(
-    "--motion",
-    metavar="NAME:PARAMETERS",
-    help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
-    "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (m/s).",
-)
-@options.option(
-    "--type",
-    "structure",
-    type=Name(_structures),
-    metavar="NAME",
-    help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
-)
-@options.option(
-    "--year", type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", help="Its year of construction."
-)
-@options.option(
-    "--area",
-    needs="--type",
-    type=click.FloatRange(0.0, min_open=True),
-    metavar="AREA",
-    help="The area of one floor, in m^2, of --units us in ft^2.",
-)
-@options.option(
-    "--units",
-    type=click.Choice(["si", "us"]),
-    default="si",
-    help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by default.",
-)
-@options.output.overwrite
+@options.of(Request)
 def command(**given: Any) -> None:
     """A first model of a building, with comments, that runs as it is.
 

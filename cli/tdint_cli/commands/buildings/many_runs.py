@@ -13,6 +13,7 @@ from tdint.system import processors
 from tdint.written_numbers import how_many
 from tdint_cli.batch.campaigns import advance_with_bar, carry_out, tell_outcomes
 from tdint_cli.batch.profiles import Profiles
+from tdint_cli.commands.buildings.run_request import Request
 from tdint_cli.errors import Failures
 from tdint_cli.options.building import with_motion
 from tdint_cli.terminal.drawing import emit_table
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.ground_motion.reading.suites import SuiteMotion
     from tdint.model.definition import Model
-    from tdint_cli.commands.buildings.run import Request
 
 
 def run_many(request: Request, records: tuple[str, ...]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +17,13 @@ from tdint.output import figures, tables
 from tdint.output_units import SI, OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.profiles import SuiteRequest, drift_limit
 from tdint_cli.batch.sources import refuse_inputs
-from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
+from tdint_cli.commands.buildings.run_request import HISTORY, PICTURE, STORIES, SUMMARY, Request
+from tdint_cli.options.building import check_motion, with_motion
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
-from tdint_cli.options.values import FileName, Number, Ratio
+from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
 
@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
 
-STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
+"""The files of a run. The summary is written last: where it says `done`, all is there."""
+
 _STEPS_OF_A_PICTURE = 20_000
 _LEAST_BYTES = (6.0, 2.0)
 """Of a number in a history, and in a packed one; 18 and 8 as a rule."""
@@ -43,120 +45,15 @@ _LEAST_BYTES = (6.0, 2.0)
 _TOLD = 5e-4
 """Probability below which what may become of a building is not said."""
 
-ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
-"""The files of a run. The summary is written last: where it says `done`, all is there."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Request(BuildingRequest, SuiteRequest):
-    """The command line of `tdint run`."""
-
-    method: str | None
-    dt: float | None
-    until_rest: bool
-    history: str | None
-    every: int
-    allow_unstable: bool
-    check: bool | None
-    tolerance: float | None
-    factors: str | None
-    sequence: bool
-    rest: float | None
-    shocks: tuple[str, ...]
-    """The records of a sequence; none for a run of one."""
-
-    def refuse_of_one(self) -> None:
-        """Raise UsageError for options of a single run.
-
-        Raises
-        ------
-        UsageError
-            One of them is given.
-        """
-        for name in ("history", "tolerance", "allow_unstable"):
-            if getattr(self, name):
-                raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
-        if self.every > 1:
-            raise UsageError("--every is for one record and one scale; call it once for each")
-        if self.of_floors.export:
-            raise UsageError("--export-floors is for one record and one scale; call it once for each")
-        self.of_floors.check(self.output)
-
 
 @options.command("run")
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
-@options.record.option(
-    "--factors",
-    type=FileName(),
-    metavar="FILE",
-    help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
-)
-@options.record.option(
-    "--sequence",
-    is_flag=True,
-    help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
-    "and over all. --scale takes one factor for all, or one for each.",
-)
-@options.record.option(
-    "--rest",
-    needs="--sequence",
-    type=Number(0.0),
-    metavar="SECONDS",
-    help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
-)
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
 @options.spectra.floor_periods
-@options.analysis.of_run
-@options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
-@options.output.option(
-    "--history",
-    type=FileName(),
-    metavar="[FILE]",
-    callback=options.output.refuse_empty,
-    help=f"Also write every floor and story and the energies at every step: to this file (.csv, .csv.gz), or alone as "
-    f"{HISTORY} into the folder of -o.",
-)
-@options.output.option(
-    "--every",
-    needs="--history",
-    type=click.IntRange(1),
-    default=1,
-    metavar="COUNT",
-    help="Every so many steps of --history, from the first one; every step by default.",
-)
-@options.spectra.export_floors
-@options.output.plot(
-    f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and their "
-    f"mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
-)
-@options.output.report
-@options.output.units
-@options.output.overwrite
-@options.analysis.option(
-    "--check/--no-check",
-    default=None,
-    help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them unasked, "
-    "asked also in --history; with another method the run is repeated with a half and a quarter of the step.",
-)
-@options.analysis.option(
-    "--tolerance",
-    type=Ratio(0.0, 1.0, min_open=True, max_open=True),
-    metavar="1%",
-    help="Take the largest step with which the estimated error of every peak drift is within this part of it: from "
-    "several sampling intervals of the record, or from --dt, down to a 256th. moment4 chooses its steps on the way. "
-    "The columns of --check are there, too.",
-)
-@drift_limit("--limit")
-@options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
-@options.option(
-    "--jobs",
-    type=click.IntRange(1, 1024),
-    metavar="N",
-    help="Threads for several records or scales; one for each processor by default. The output does not depend on it.",
-)
+@options.of(Request)
 def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     """Response of a building in time: the peaks of each story.
 

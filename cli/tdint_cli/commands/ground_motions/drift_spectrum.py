@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,14 +24,29 @@ if TYPE_CHECKING:
 _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 
 
-@dataclass(frozen=True)
+@options.request
 class DriftRequest(TablesRequest):
     """The command line of `tdint drift-spectrum`."""
 
-    stories: int | None
-    story_height: float | None
-    height_period: str
-    beam: bool
+    stories: int | None = options.spectra.option(
+        type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
+    )
+    story_height: float | None = options.spectra.option(
+        type=Number(0.0, min_open=True),
+        metavar="METERS",
+        help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
+        f"{STORY_HEIGHT:g} by default.",
+    )
+    height_period: str = options.spectra.option(
+        metavar="A,B",
+        default=_HEIGHT_PERIOD,
+        help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
+        "default.",
+    )
+    beam: bool = options.spectra.option(
+        is_flag=True,
+        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
+    )
 
     def settings(self, default_periods: str) -> dict[str, Any]:
         """As those of all spectra, with the story height that is taken where none is given."""
@@ -46,28 +60,7 @@ class DriftRequest(TablesRequest):
 @options.record.of_records
 @options.spectra.damping()
 @options.spectra.periods(DRIFT_PERIODS)
-@options.spectra.option(
-    "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
-)
-@options.spectra.option(
-    "--story-height",
-    type=Number(0.0, min_open=True),
-    metavar="METERS",
-    help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
-    f"{STORY_HEIGHT:g} by default.",
-)
-@options.spectra.option(
-    "--height-period",
-    metavar="A,B",
-    default=_HEIGHT_PERIOD,
-    help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
-    "default.",
-)
-@options.spectra.option(
-    "--beam",
-    is_flag=True,
-    help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
-)
+@options.of(DriftRequest)
 @options.spectra.tables_of_records()
 def command(**given: Any) -> None:
     """Drift spectra: the largest story drifts of shear buildings.

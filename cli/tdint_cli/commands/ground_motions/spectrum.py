@@ -13,7 +13,7 @@ from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.commands.ground_motions import spectrum_kinds as kinds
-from tdint_cli.commands.ground_motions.spectrum_request import Kind, SpectrumRequest
+from tdint_cli.commands.ground_motions.spectrum_request import AXES, Kind, SpectrumRequest
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
 from tdint_cli.options.output import Outputs
 
@@ -26,9 +26,8 @@ _NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "a
 @options.record.one_scale
 @options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
-@options.analysis.method
-@kinds.options
-@options.spectra.tables_of_records(kinds.axes)
+@options.of(SpectrumRequest)
+@options.spectra.tables_of_records(AXES)
 def command(**given: Any) -> None:
     """Response spectra of ground-motion records, elastic and inelastic.
 

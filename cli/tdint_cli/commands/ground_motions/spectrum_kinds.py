@@ -6,17 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import click
-
-from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
+from tdint.analysis.defaults import PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.input_bytes import STDIN
 from tdint.output import figures, tables
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
-from tdint_cli.options import headings, output, studies
 from tdint_cli.options.plot import BESIDE
-from tdint_cli.options.spectra import option
-from tdint_cli.options.values import FileName, Number, Ratio, pair_names
 from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
@@ -29,110 +24,6 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-axes = output.option(
-    "--axes",
-    needs="--plot",
-    type=click.Choice(["periods", "tripartite", "adrs"]),
-    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
-    "scales of the other two (tripartite), or PSA over SD (adrs).",
-)
-
-_OPTIONS = (
-    option(
-        "--maxima",
-        type=click.Choice(["exact", "peer", "samples"]),
-        help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
-        "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
-        "Not with --method, whose steps have their own. Adds a column.",
-    ),
-    option(
-        "--interpolation",
-        type=click.Choice(["linear", "band-limited"]),
-        help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
-        "frequencies above half the sampling rate (band-limited). Adds a column.",
-    ),
-    option(
-        "--rotd",
-        type=click.IntRange(0, 100),
-        many=True,
-        metavar="P,...",
-        help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
-        "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
-    ),
-    option(
-        "--pairs",
-        needs="--rotd",
-        type=pair_names,
-        metavar="NAMES",
-        help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
-    ),
-    option(
-        "--ductility",
-        type=Number(1.0, MOST_DUCTILE),
-        many=True,
-        metavar="MU,...",
-        help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
-        "(the largest strength if there are several).",
-    ),
-    option(
-        "--strength",
-        type=Ratio(0.0, min_open=True),
-        many=True,
-        metavar="RATIO,...",
-        help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
-    ),
-    option(
-        "--hardening",
-        needs="--ductility or --strength",
-        type=Ratio(0.0, 1.0, max_open=True),
-        metavar="RATIO",
-        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
-        "(elastoplastic).",
-    ),
-    option(
-        "--oscillator",
-        needs="--history",
-        type=Number(0.0, min_open=True),
-        many=True,
-        metavar="SECONDS,...",
-        help="With --history: the motion of elastic oscillators of these periods instead.",
-    ),
-    option(
-        "--history",
-        needs="--oscillator",
-        metavar="",
-        help="With --oscillator: a row for each sample.",
-    ),
-    studies.target(
-        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
-        headings.SPECTRUM,
-    ),
-    option(
-        "--against",
-        type=FileName(),
-        metavar="FILE",
-        help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
-        "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
-    ),
-    option(
-        "--against-column",
-        needs="--against",
-        metavar="NAME",
-        help="Which column of the published spectrum, if it has several.",
-    ),
-    option(
-        "--against-interpolation",
-        needs="--against",
-        type=click.Choice(["log-log"]),
-        help="Take the published spectrum between its periods on straight lines in logarithms.",
-    ),
-)
-
-
-def options(command: Function) -> Function:
-    """The options that choose a kind of spectra, and how it is made."""
-    return headings.with_options(_OPTIONS, command)
 
 
 class _OfOscillators(Kind):

@@ -7,11 +7,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.defaults import PERIODS
+import click
+
+from tdint.analysis.defaults import MOST_DUCTILE, PERIODS
 from tdint.errors import UsageError
 from tdint.written_numbers import Grid, parse_grid
+from tdint_cli import options
+from tdint_cli.options import headings
 from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.values import FileName, Number, Ratio, pair_names
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,6 +30,14 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
+
+AXES = options.output.option(
+    "--axes",
+    needs="--plot",
+    type=click.Choice(["periods", "tripartite", "adrs"]),
+    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
+    "scales of the other two (tripartite), or PSA over SD (adrs).",
+)
 
 _NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units", "history")
 
@@ -131,25 +144,84 @@ class TablesRequest(RecordsRequest):
         return np.array(self.period) if self.period else (self.periods or parse_grid(default)).values()
 
 
-@dataclass(frozen=True)
+@options.request
 class SpectrumRequest(TablesRequest):
     """The command line of `tdint spectrum`."""
 
-    method: str | None
-    maxima: str | None
-    interpolation: str | None
-    rotd: tuple[int, ...] | None
-    pairs: PairNames | None
-    ductility: tuple[float, ...] | None
-    strength: tuple[float, ...] | None
-    hardening: float | None
-    oscillator: tuple[float, ...] | None
-    history: str | None
+    method: str | None = options.analysis.method
+    maxima: str | None = options.spectra.option(
+        type=click.Choice(["exact", "peer", "samples"]),
+        help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
+        "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
+        "Not with --method, whose steps have their own. Adds a column.",
+    )
+    interpolation: str | None = options.spectra.option(
+        type=click.Choice(["linear", "band-limited"]),
+        help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
+        "frequencies above half the sampling rate (band-limited). Adds a column.",
+    )
+    rotd: tuple[int, ...] | None = options.spectra.option(
+        type=click.IntRange(0, 100),
+        many=True,
+        metavar="P,...",
+        help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
+        "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+    )
+    pairs: PairNames | None = options.spectra.option(
+        needs="--rotd",
+        type=pair_names,
+        metavar="NAMES",
+        help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
+    )
+    ductility: tuple[float, ...] | None = options.spectra.option(
+        type=Number(1.0, MOST_DUCTILE),
+        many=True,
+        metavar="MU,...",
+        help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
+        "(the largest strength if there are several).",
+    )
+    strength: tuple[float, ...] | None = options.spectra.option(
+        type=Ratio(0.0, min_open=True),
+        many=True,
+        metavar="RATIO,...",
+        help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
+    )
+    hardening: float | None = options.spectra.option(
+        needs="--ductility or --strength",
+        type=Ratio(0.0, 1.0, max_open=True),
+        metavar="RATIO",
+        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
+        "(elastoplastic).",
+    )
+    oscillator: tuple[float, ...] | None = options.spectra.option(
+        needs="--history",
+        type=Number(0.0, min_open=True),
+        many=True,
+        metavar="SECONDS,...",
+        help="With --history: the motion of elastic oscillators of these periods instead.",
+    )
+    history: str | None = options.spectra.option(
+        needs="--oscillator", metavar="", help="With --oscillator: a row for each sample."
+    )
+    target: str | None = options.studies.target(
+        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
+        headings.SPECTRUM,
+    )
+    against: str | None = options.spectra.option(
+        type=FileName(),
+        metavar="FILE",
+        help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
+        "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
+    )
+    against_column: str | None = options.spectra.option(
+        needs="--against", metavar="NAME", help="Which column of the published spectrum, if it has several."
+    )
+    against_interpolation: str | None = options.spectra.option(
+        needs="--against",
+        type=click.Choice(["log-log"]),
+        help="Take the published spectrum between its periods on straight lines in logarithms.",
+    )
     axes: str | None
-    target: str | None
-    against: str | None
-    against_column: str | None
-    against_interpolation: str | None
     scale: float | None
 
     def read(self, file: str) -> list[Record]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -36,71 +35,61 @@ LIMITS = (0.01, 0.001)
 """Errors for which a method and a step are recommended."""
 
 
-@dataclass(frozen=True)
+@options.request
 class Request(BuildingRequest):
     """The command line of `tdint chart`."""
 
-    methods: tuple[str, ...]
-    steps: tuple[float, ...] | None
-    halvings: int | None
-    stories: tuple[int, ...] | None
-    peers: bool
-    repeat: int
-    target: str
-    versus: str
-    cache: bool
     outputs: Outputs
+    methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
+    steps: tuple[float, ...] | None = options.analysis.option(
+        "--dt",
+        type=Number(0.0, MOST_SECONDS, min_open=True),
+        many=True,
+        metavar="SECONDS,...",
+        help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
+        "model's dt.",
+    )
+    halvings: int | None = options.analysis.option(
+        type=click.IntRange(0, 16),
+        metavar="COUNT",
+        help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps "
+        "between; fewer times for very large buildings.",
+    )
+    stories: tuple[int, ...] | None = options.analysis.option(
+        type=click.IntRange(1, MOST_STORIES),
+        many=True,
+        metavar="COUNT,...",
+        help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
+        "step unless --dt or --halvings is given.",
+    )
+    peers: bool = options.option(
+        is_flag=True,
+        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+    )
+    repeat: int = options.option(
+        type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
+    )
+    target: str = options.option(
+        type=click.Choice(TARGETS),
+        default=TARGETS[0],
+        help="The error that is drawn and for which methods are recommended; peak-drift by default.",
+    )
+    versus: str = options.option(
+        needs="--plot",
+        type=click.Choice(["time", "dt"]),
+        default="time",
+        help="Draw time over error (default) or error over dt.",
+    )
+    cache: bool = options.option(
+        "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
+    )
 
 
 @options.command("chart")
 @options.building.model
-@options.analysis.methods("ten of them, from impulse4 to exact,")
-@options.analysis.option(
-    "--dt",
-    "steps",
-    type=Number(0.0, MOST_SECONDS, min_open=True),
-    many=True,
-    metavar="SECONDS,...",
-    help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
-    "model's dt.",
-)
-@options.analysis.option(
-    "--halvings",
-    type=click.IntRange(0, 16),
-    metavar="COUNT",
-    help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps between; "
-    "fewer times for very large buildings.",
-)
-@options.analysis.option(
-    "--stories",
-    type=click.IntRange(1, MOST_STORIES),
-    many=True,
-    metavar="COUNT,...",
-    help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
-    "step unless --dt or --halvings is given.",
-)
-@options.option(
-    "--peers",
-    is_flag=True,
-    help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
-)
-@options.option("--repeat", type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default.")
-@options.option(
-    "--target",
-    type=click.Choice(TARGETS),
-    default=TARGETS[0],
-    help="The error that is drawn and for which methods are recommended; peak-drift by default.",
-)
-@options.option(
-    "--versus",
-    needs="--plot",
-    type=click.Choice(["time", "dt"]),
-    default="time",
-    help="Draw time over error (default) or error over dt.",
-)
+@options.of(Request)
 @options.record.of_record
 @options.analysis.duration
-@options.option("--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not.")
 @options.output.to_files(
     "Write the table to this file instead of standard output, and a .json file beside it.", in_units=False
 )

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import UsageError
+from tdint.output_units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
-from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
+from tdint_cli.batch.profiles import REQUIRE, Profiles, SuiteRequest, drift_limit
 from tdint_cli.errors import Failures
 from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import FileName
@@ -26,19 +26,69 @@ if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
 
 
-@dataclass(frozen=True, kw_only=True)
+@options.request
 class CampaignRequest(SuiteRequest):
     """The command line of `tdint campaign`."""
 
-    words: tuple[str, ...]
-    shard: str | None
-    limit: int | None
-    dask: str | None
-    tls_ca: str | None
-    tls_cert: str | None
-    tls_key: str | None
-    simcenter: bool
-    geojson: bool
+    words: tuple[str, ...] = options.argument(
+        "CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName()
+    )
+    output: str | None = options.output.output(
+        "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
+    )
+    jobs: int | None = options.option(
+        type=click.IntRange(1, 1024),
+        metavar="N",
+        help="Threads; one for each processor by default. The output does not depend on it.",
+    )
+    shard: str | None = options.option(
+        metavar="K/N", help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
+    )
+    limit: int | None = options.option(
+        type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on."
+    )
+    dask: str | None = options.option(
+        metavar="ADDRESS",
+        help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
+    )
+    tls_ca: str | None = options.option(
+        type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
+    )
+    tls_cert: str | None = options.option(
+        type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM)."
+    )
+    tls_key: str | None = options.option(type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
+    simcenter: bool = options.output.option(
+        is_flag=True, help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1)."
+    )
+    geojson: bool = options.output.option(
+        is_flag=True,
+        help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
+        "demands, for maps.",
+    )
+
+    plot: str | None = options.output.plot(
+        "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
+        ".pdf, .svg), or alone as profiles.png into the folder."
+    )
+    report: str | None = options.output.report
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    drift_limit: float | None = drift_limit()
+    require: bool = REQUIRE
+    baseline: str | None = options.analysis.option(
+        metavar="NAME",
+        help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the "
+        "ratios of the largest of all stories.",
+    )
+    im: tuple[str, ...] | None = options.studies.option(
+        many=True,
+        type=click.STRING,
+        metavar="NAME,...",
+        help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
+        "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
+        "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
+    )
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -56,64 +106,10 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 @options.command("campaign")
 @options.analysis.plugin
-@click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
 @options.spectra.floor_periods
-@options.output.output(
-    "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
-)
-@options.option(
-    "--jobs", type=click.IntRange(1, 1024), metavar="N",
-    help="Threads; one for each processor by default. The output does not depend on it.",
-)  # fmt: skip
-@options.option(
-    "--shard", metavar="K/N", help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
-)
-@options.option("--limit", type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on.")
-@options.option(
-    "--dask", metavar="ADDRESS",
-    help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
-)  # fmt: skip
-@options.option(
-    "--tls-ca", type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
-)
-@options.option("--tls-cert", type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM).")
-@options.option("--tls-key", type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
-@options.output.option(
-    "--simcenter",
-    is_flag=True,
-    help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
-)
-@options.output.option(
-    "--geojson",
-    is_flag=True,
-    help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
-    "demands, for maps.",
-)
-@options.output.plot(
-    "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
-    ".pdf, .svg), or alone as profiles.png into the folder."
-)
-@options.output.report
-@options.output.units
-@options.output.overwrite
-@drift_limit()
-@options.analysis.option(
-    "--baseline",
-    metavar="NAME",
-    help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the ratios "
-    "of the largest of all stories.",
-)
-@options.studies.option(
-    "--im",
-    many=True,
-    type=click.STRING,
-    metavar="NAME,...",
-    help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
-    "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
-    "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
-)
+@options.of(CampaignRequest)
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,32 +51,83 @@ class _Measure(click.Choice):  # type: ignore[type-arg]
         return super().convert(value, param, ctx)
 
 
-@dataclass(frozen=True)
+@options.request
 class IdaRequest(RecordsRequest):
     """The command line of `tdint ida`."""
 
     model: str
-    im: str
-    period: float | None
-    pairs: PairWish | None
-    damping: float
-    average: Grid | None
-    precision: float
-    collapse_drift: float | None
-    threshold: tuple[float, ...] | None
-    max_im: Units | None
-    method: str | None
-    dt: float | None
-    duration: float | None
-    until_rest: bool
-    check: bool
-    after: str | None
-    damage: tuple[float, ...] | None
-    jobs: int | None
-    output: str | None
-    plot: str | None
-    overwrite: bool
-    output_units: OutputUnits | None
+    im: str = options.studies.option(
+        type=_Measure(_MEASURES),
+        default=_MEASURES[0],
+        help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
+        "period, Arias intensity or CAV.",
+    )
+    period: float | None = options.studies.option(
+        needs="--im sa or sa-avg",
+        type=period,
+        metavar="T1|SECONDS",
+        help="Period of sa and sa-avg; by default T1, the first one of the building.",
+    )
+    pairs: PairWish | None = options.studies.pairs(
+        "Take the two horizontal components of a motion together: both are run, at levels of this measure."
+    )
+    damping: float = options.studies.damping("--im sa or sa-avg")
+    average: Grid | None = options.studies.average("--im sa-avg")
+    max_im: Units | None = options.studies.option(
+        type=intensity("acceleration", "velocity"),
+        metavar="VALUE",
+        help="The largest intensity, with its unit (3g): capacities above it are censored.",
+    )
+    precision: float = options.analysis.option(
+        type=Ratio(0.0, 0.5, min_open=True),
+        default=0.05,
+        metavar="5%",
+        help="Bracket of the capacity against collapse; 5% by default.",
+    )
+    collapse_drift: float | None = options.analysis.option(
+        type=Ratio(0.0, min_open=True),
+        metavar="10%",
+        help="Drift ratio over which the building has collapsed; by default the model's.",
+    )
+    threshold: tuple[float, ...] | None = options.studies.threshold(
+        help="Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's "
+        "damage states by drift_ratio, else 1%,2%,4%."
+    )
+    after: str | None = options.option(
+        needs="--damage",
+        type=FileName(),
+        metavar="MAIN",
+        help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, "
+        "which finds it at rest.",
+    )
+    damage: tuple[float, ...] | None = options.option(
+        needs="--after",
+        type=Ratio(0.0, min_open=True),
+        many=True,
+        metavar="2%,...",
+        help="Drift ratios to which the mainshock is scaled; a study for each.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
+    duration: float | None = options.analysis.duration
+    until_rest: bool = options.analysis.until_rest
+    check: bool = options.analysis.option(
+        is_flag=True,
+        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
+        "corrected_<name>.",
+    )
+    output: str | None = options.output.output(
+        "DIR",
+        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of "
+        "the same kind left.",
+    )
+    plot: str | None = options.output.plot(
+        "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png "
+        "into the folder of -o."
+    )
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    jobs: int | None = options.studies.threads
 
     @property
     def picture(self) -> Path | None:
@@ -87,83 +138,7 @@ class IdaRequest(RecordsRequest):
 @options.command("ida")
 @options.building.model
 @options.record.of_records
-@options.studies.option(
-    "--im",
-    type=_Measure(_MEASURES),
-    default=_MEASURES[0],
-    help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a period, "
-    "Arias intensity or CAV.",
-)
-@options.studies.option(
-    "--period",
-    needs="--im sa or sa-avg",
-    type=period,
-    metavar="T1|SECONDS",
-    help="Period of sa and sa-avg; by default T1, the first one of the building.",
-)
-@options.studies.pairs(
-    "Take the two horizontal components of a motion together: both are run, at levels of this measure."
-)
-@options.studies.damping("--im sa or sa-avg")
-@options.studies.average("--im sa-avg")
-@options.studies.option(
-    "--max-im",
-    type=intensity("acceleration", "velocity"),
-    metavar="VALUE",
-    help="The largest intensity, with its unit (3g): capacities above it are censored.",
-)
-@options.analysis.option(
-    "--precision",
-    type=Ratio(0.0, 0.5, min_open=True),
-    default=0.05,
-    metavar="5%",
-    help="Bracket of the capacity against collapse; 5% by default.",
-)
-@options.analysis.option(
-    "--collapse-drift",
-    type=Ratio(0.0, min_open=True),
-    metavar="10%",
-    help="Drift ratio over which the building has collapsed; by default the model's.",
-)
-@options.studies.threshold(
-    help="Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's damage "
-    "states by drift_ratio, else 1%,2%,4%."
-)
-@options.option(
-    "--after",
-    needs="--damage",
-    type=FileName(),
-    metavar="MAIN",
-    help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, which "
-    "finds it at rest.",
-)
-@options.option(
-    "--damage",
-    needs="--after",
-    type=Ratio(0.0, min_open=True),
-    many=True,
-    metavar="2%,...",
-    help="Drift ratios to which the mainshock is scaled; a study for each.",
-)
-@options.analysis.of_run
-@options.analysis.option(
-    "--check",
-    is_flag=True,
-    help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
-    "corrected_<name>.",
-)
-@options.output.output(
-    "DIR",
-    f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "
-    "same kind left.",
-)
-@options.output.plot(
-    "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png into the "
-    "folder of -o."
-)
-@options.output.units
-@options.output.overwrite
-@options.studies.threads
+@options.of(IdaRequest)
 def command(**given: Any) -> None:
     """Incremental dynamic analysis: drift over intensity, up to collapse.
 

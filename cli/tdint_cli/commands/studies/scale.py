@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,28 +33,72 @@ _BY_PERIOD = ("asce7", "ec8")
 _ACCELERATION = intensity("acceleration")
 
 
-@dataclass(frozen=True)
+@options.request
 class ScaleRequest(RecordsRequest):
     """The command line of `tdint scale`."""
 
-    target: str | None
-    range: Grid | None
-    rule: str | None
-    building: tuple[str, ...] | None
-    max_factor: float | None
-    sa: Units | None
-    sa_avg: Units | None
-    pga: Units | None
-    pgv: Units | None
-    arias: Units | None
-    cav: Units | None
-    at: float | None
-    p695: bool
-    pairs: PairWish | None
-    damping: float
-    average: Grid | None
     spectra: str | None
     outputs: Outputs
+    target: str | None = options.studies.target("Scale to this spectrum")
+    range: Grid | None = options.option(
+        needs="--target",
+        type=span_at(100),
+        metavar="FIRST:LAST",
+        help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all "
+        "of the target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
+    )
+    rule: str | None = options.option(
+        needs="--target",
+        type=click.Choice(_RULES),
+        help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the "
+        "average of the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: "
+        "the mean spectrum is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN "
+        "1998-1:2004, 3.2.3.1.2).",
+    )
+    building: tuple[str, ...] | None = options.option(
+        needs="--target",
+        many=True,
+        type=FileName(),
+        metavar="MODEL.yaml,...",
+        help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
+        "shortest to the longest.",
+    )
+    max_factor: float | None = options.option(
+        type=Number(0.0, min_open=True),
+        metavar="FACTOR",
+        help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
+    )
+    sa: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa at the period --at: 0.6g."
+    )
+    sa_avg: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at."
+    )
+    at: float | None = options.option(
+        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
+    )
+    pga: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", help="Scale to this peak ground acceleration: 0.4g."
+    )
+    pgv: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s."
+    )
+    arias: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s."
+    )
+    cav: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+    )
+    p695: bool = options.option(
+        is_flag=True,
+        help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
+        "median Sa of all components.",
+    )
+    pairs: PairWish | None = options.studies.pairs(
+        "Take the two horizontal components of a motion together, with one factor, by this measure of both."
+    )
+    damping: float = options.studies.damping("--target or --sa or --sa-avg or --plot")
+    average: Grid | None = options.studies.average("--sa-avg")
 
     @property
     def value(self) -> tuple[str, float] | None:
@@ -130,58 +173,7 @@ _SPECTRA = options.output.option(
 @options.command("scale")
 @options.analysis.plugin
 @options.record.of_records
-@options.studies.target("Scale to this spectrum")
-@options.option(
-    "--range",
-    needs="--target",
-    type=span_at(100),
-    metavar="FIRST:LAST",
-    help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all of the "
-    "target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
-)
-@options.option(
-    "--rule",
-    needs="--target",
-    type=click.Choice(_RULES),
-    help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the average of "
-    "the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum "
-    "is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN 1998-1:2004, 3.2.3.1.2).",
-)
-@options.option(
-    "--building",
-    needs="--target",
-    many=True,
-    type=FileName(),
-    metavar="MODEL.yaml,...",
-    help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
-    "shortest to the longest.",
-)
-@options.option(
-    "--max-factor",
-    type=Number(0.0, min_open=True),
-    metavar="FACTOR",
-    help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
-)
-@options.option("--sa", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa at the period --at: 0.6g.")
-@options.option("--sa-avg", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at.")
-@options.option("--at", type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg.")
-@options.option("--pga", type=_ACCELERATION, metavar="VALUE", help="Scale to this peak ground acceleration: 0.4g.")
-@options.option("--pgv", type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s.")
-@options.option("--arias", type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s.")
-@options.option(
-    "--cav", type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
-)
-@options.option(
-    "--p695",
-    is_flag=True,
-    help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
-    "median Sa of all components.",
-)
-@options.studies.pairs(
-    "Take the two horizontal components of a motion together, with one factor, by this measure of both."
-)
-@options.studies.damping("--target or --sa or --sa-avg or --plot")
-@options.studies.average("--sa-avg")
+@options.of(ScaleRequest)
 @options.output.to_files(
     picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside "
     "-o under its name.",
