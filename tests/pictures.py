@@ -51,12 +51,12 @@ PICTURES = {
     "design-spectrum.png": Picture(
         "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}", "suites"
     ),
-    "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "ida"),
+    "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
     "collapse-prone-frame-fragility.png": Picture(
-        f"{_IDA} | tdint fragility - --threshold 10% --beta-model 0.35 --plot={{file}}", "fragility"
+        f"{_IDA} | tdint fragility - --threshold 10% --beta-model 0.35 --plot={{file}}", "collapse"
     ),
     "region-fragility.png": Picture(
-        f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "fragility"
+        f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "collapse"
     ),
     "failures.png": Picture("tdint failures --plot={file}", "failure_matrix", of_methods=True),
     "ten-story-bilinear-chart.png": Picture(

@@ -94,7 +94,7 @@ def test_rows_with_too_much(tmp_path, reader):
     header, row = FULL[reader]
     file = tmp_path / "t.csv"
     file.write_text(f"{header}\n{row},9\n")
-    with pytest.raises(error, match=r"t\.csv:2: (\d) cells under \d columns"):
+    with pytest.raises(error, match=r"t\.csv:2: (\d) cells under \d columns?"):
         read(str(file))
 
 

@@ -18,10 +18,9 @@ from typing import Any, NoReturn
 import click
 
 from tdint.errors import did_you_mean
-from tdint_cli.errors import exit_code_of
-from tdint_cli.interruption import end_in_time
+from tdint_cli.errors import end_in_time, exit_code_of
 from tdint_cli.options.headings import general, write_options
-from tdint_cli.settings import Settings
+from tdint_cli.terminal import Settings
 
 GROUPS = {
     "Buildings": {
@@ -62,8 +61,8 @@ GROUPS = {
         "chart": ("methods.chart", "Time against accuracy: what methods cost and how much they err on a building."),
     },
     "Housekeeping": {
-        "compile": ("housekeeping.compile", "Compile time loops ahead of their first use."),
-        "validate": ("housekeeping.validate", "Published and exact results beside those of this installation."),
+        "compile": ("compile", "Compile time loops ahead of their first use."),
+        "validate": ("validate", "Published and exact results beside those of this installation."),
     },
 }
 """The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its

@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from tdint.output.plotting import plot as plot
     from tdint.output.tables.spectra import record_info
     from tdint.output.tables.to_dict import to_dict as to_dict
-    from tdint.validation.textbook import validate as validate
+    from tdint.validation.cases import validate as validate
 
     examples = run_examples
     compile = compile_model
@@ -147,7 +147,7 @@ _HOMES = {
     "spectrum": "tdint.analysis.spectra.elastic",
     "stability": "tdint.analysis.assessment.stability",
     "to_dict": "tdint.output.tables.to_dict",
-    "validate": "tdint.validation.textbook",
+    "validate": "tdint.validation.cases",
 }
 __all__ = ["__version__", *_HOMES]
 

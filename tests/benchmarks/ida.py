@@ -57,7 +57,7 @@ def main():
     off = max(abs(run.energy_error) for run in runs if run.stable)
     print(f"largest energy error of a run that stands: {off:.1e}")
     if given.plot:
-        from tdint.output.figures.ida import ida_picture
+        from tdint.output.figures.collapse import ida_picture
         from tdint.output.figures.style import picture
 
         write_file(given.plot, picture(given.plot.suffix, lambda: ida_picture(study)), overwrite=True)

@@ -221,9 +221,9 @@ def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
 
 def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
     assert "%" not in tdint("chart", "shaken.yaml", *QUICK).stderr.split("For 1 %")[0]
-    from tdint_cli.terminal import progress
+    from tdint_cli import terminal
 
-    monkeypatch.setattr(progress, "is_terminal", lambda stream: stream is sys.stderr)
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream is sys.stderr)
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv")
     assert result.exit_code == 0, result.stderr
     assert "reference" in result.stderr

@@ -39,7 +39,7 @@ def test_which_objects_are_used_is_shown_and_they_are_removed(tdint, folder, mon
     (file,) = (folder / "cache").rglob("*.object")
     shown = tdint("compile", "--all", "--show").stdout
     assert shown == f"loop,variant,object\n{scaled.name},{EVERYTHING.text},{file}\n"
-    assert tdint("compile", "--clean").stderr == "1 compiled time loops removed.\n"
+    assert tdint("compile", "--clean").stderr == "1 compiled time loop removed.\n"
     assert not file.exists()
 
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from tdint.output.tables.table import Table
-from tdint_cli.terminal.drawing import draw, table_bytes
+from tdint_cli.drawing import draw, table_bytes
 
 NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
 

@@ -12,7 +12,7 @@ import pytest
 from tdint_cli.main import COMMANDS, GROUPS, cli
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import _specifications
-from tdint_cli.options.plot import BESIDE, with_named_files
+from tdint_cli.options.headings import BESIDE, with_named_files
 
 
 def rows(text: str) -> list[dict[str, str]]:

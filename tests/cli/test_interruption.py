@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from tdint.files import write_file
 from tdint_cli.errors import exit_code_of
-from tdint_cli.interruption import end_in_time
-from tdint_cli.settings import Settings
+from tdint_cli.errors import end_in_time
+from tdint_cli.terminal import Settings
 
 def write(stream):
     stream.write(b"1,2")

@@ -15,9 +15,8 @@ import click
 import pytest
 
 from tdint.errors import OutputError
-from tdint_cli.settings import Settings
-from tdint_cli.terminal import streams
-from tdint_cli.terminal.progress import progress_bar
+from tdint_cli import terminal
+from tdint_cli.terminal import Settings, progress_bar
 
 START = "import sys\nfrom tdint_cli.main import main\nprint('ready', file=sys.stderr, flush=True)\nmain()"
 TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
@@ -112,13 +111,13 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
     for limit in (1000, 100):
         stream = _Trickle(limit)
         monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=stream, flush=lambda: None, fileno=lambda: 1))
-        monkeypatch.setattr(streams, "_discard_from_now_on", lambda: None)
+        monkeypatch.setattr(terminal, "_discard_from_now_on", lambda: None)
         if limit > len(data):
-            streams.emit(data)
+            terminal.emit(data)
             assert stream.taken == data
         else:
             with pytest.raises(OutputError, match="cannot be written"):
-                streams.emit(data)
+                terminal.emit(data)
 
 
 HALF = """
@@ -184,9 +183,9 @@ def test_a_word_in_the_middle_of_a_progress_bar_has_a_line_of_its_own(monkeypatc
     with click.Context(click.Command("some"), obj=Settings()):
         with progress_bar(to_terminal=False) as progress:
             progress("compiling", 0.25)
-            streams.note("two time loops")
+            terminal.note("two time loops")
             progress("measuring", 0.5)
-        streams.note("done")
+        terminal.note("done")
     # What a terminal shows of a line is what stands after the last return to its start.
     shown = [line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")]
     assert "note: two time loops" in shown

@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from tdint.validation import textbook
+from tdint.validation import cases
 from tdint.validation.case import carry_out
 
 
@@ -20,9 +20,9 @@ def test_all_cases_hold_here(tdint):
 
 
 def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
-    right = textbook.textbook_cases()[:2]
+    right = cases.textbook_cases()[:2]
     wrong = dataclasses.replace(right[0], published=(1.0, *right[0].published[1:]))
-    monkeypatch.setattr(textbook, "textbook_cases", lambda: (wrong, right[1]))
+    monkeypatch.setattr(cases, "textbook_cases", lambda: (wrong, right[1]))
     out = tmp_path / "validation.csv"
     result = tdint("validate", "-o", out)
     assert result.exit_code == 5
@@ -33,6 +33,6 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("relative", "wanted"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
 def test_differences_are_those_of_the_numbers_or_of_their_ratios(relative, wanted):
-    case = textbook.textbook_cases()[0]
+    case = cases.textbook_cases()[0]
     two = dataclasses.replace(case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative)
     assert carry_out(two).differences == pytest.approx(wanted)

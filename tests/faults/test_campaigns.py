@@ -36,7 +36,7 @@ from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint_cli.main import cli
-import tdint.output.summaries.summary, tdint.output.tables.campaign
+import tdint.output.summary, tdint.output.tables.campaign
 import tdint_cli.batch.campaigns, tdint_cli.commands.studies.campaign
 
 def campaign(folder):

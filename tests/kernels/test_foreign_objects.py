@@ -15,7 +15,7 @@ from small_foreign_kernel import SIGNATURE, weighed
 from tdint.errors import UsageError
 from tdint.kernels.building.compiler import objects_of
 from tdint.kernels.building.target import AARCH64, LEVELS, named
-from tdint_cli.commands.housekeeping.compile import TARGETS
+from tdint_cli.commands.compile import TARGETS
 
 TESTS = Path(__file__).parents[1]
 NAMES = ["linux-x86-64-v2", "linux-aarch64", "macos-x86-64-v2", "macos-aarch64", "windows-x86-64-v2", "windows-x86-64"]

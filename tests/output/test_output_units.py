@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint.errors import UsageError
-from tdint.output.summaries.summary import in_units
+from tdint.output.summary import in_units
 from tdint.output.tables import buildings, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, describe
 from tdint.output_units import SI, OutputUnits, parse_output_units

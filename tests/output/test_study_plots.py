@@ -18,8 +18,7 @@ from tdint.campaign.suites.target import TargetSpectrum
 from tdint.files import write_file
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.output.figures.fragility import fragility_picture
-from tdint.output.figures.ida import ida_picture
+from tdint.output.figures.collapse import fragility_picture, ida_picture
 from tdint.output.figures.style import picture
 from tdint.output.figures.suites import suite_picture
 

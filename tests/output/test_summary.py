@@ -14,8 +14,8 @@ from tdint import prepare, run_case, spectrum
 from tdint.analysis.run.outcome import FailedRun, StoryErrors, StoryPeaks
 from tdint.analysis.spectra.elastic import first_mode
 from tdint.model.building import assemble
-from tdint.output.summaries.of_run import MEANINGS, failure_summary, peak_errors, peaks, run_summary
-from tdint.output.summaries.summary import json_bytes
+from tdint.output.run_summary import MEANINGS, failure_summary, peak_errors, peaks, run_summary
+from tdint.output.summary import json_bytes
 
 
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():

@@ -27,8 +27,7 @@ import tdint
 from tdint.errors import TdintError
 from tdint.methods.catalogue import parse
 from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, ValidationCase, ValidationResult, carry_out
-from tdint.validation.closed_forms import closed_form_cases
-from tdint.validation.textbook import textbook_cases
+from tdint.validation.cases import closed_form_cases, textbook_cases
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -15,8 +15,7 @@ import run
 from file_cases import kaikoura_cases
 
 from tdint.validation.case import carry_out
-from tdint.validation.closed_forms import closed_form_cases
-from tdint.validation.textbook import textbook_cases
+from tdint.validation.cases import closed_form_cases, textbook_cases
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")

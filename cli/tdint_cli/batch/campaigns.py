@@ -12,11 +12,10 @@ from tdint.output import tables
 from tdint.output_units import SI, OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
+from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal import note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Advance, Engine, Shard
@@ -227,9 +226,14 @@ def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[s
     """What is written on request alone, of these names; None for what cannot be written here."""
     if not names:
         return {}
-    from tdint.output.tables.geojson import is_mapped, write_geojson
-    from tdint.output.tables.parquet import damage_parquet, runs_parquet, stories_parquet
-    from tdint.output.tables.simcenter import write_simcenter
+    from tdint.output.tables.exports import (
+        damage_parquet,
+        is_mapped,
+        runs_parquet,
+        stories_parquet,
+        write_geojson,
+        write_simcenter,
+    )
 
     runs, stories, damage = PARQUET
     makers: dict[str, Callable[[], Writer | None]] = {
@@ -246,7 +250,7 @@ def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[s
 
 def check_map(store: Store) -> None:
     """Raise UsageError where a map has no places, or runs are left."""
-    from tdint.output.tables.geojson import is_mapped
+    from tdint.output.tables.exports import is_mapped
 
     if not is_mapped(store):
         raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
@@ -262,7 +266,7 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 
 
 def _write(folder: Path, store: Store, contents: Mapping[str, Content], units: OutputUnits, *, overwrite: bool) -> None:
-    from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
+    from tdint.output.summary import campaign_summary, in_units, json_bytes
 
     files: dict[str, Content] = dict(contents)
     if store.meta("setting stories") == "true":
@@ -298,7 +302,7 @@ def _say(store: Store, advance: Advance) -> None:
     """What was done, and what of it a person must look at."""
     new = advance.done - advance.before
     if not new:
-        say(f"Nothing to do: {how_many(advance.done, 'run')} done before.")
+        say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
     else:
         before = f", {advance.before} before" if advance.before else ""
         say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
@@ -308,7 +312,7 @@ def _say(store: Store, advance: Advance) -> None:
 def tell_outcomes(store: Store) -> None:
     """How many runs failed, collapsed, were repeated or are not at rest."""
     from tdint.model.damage_states import FALLEN
-    from tdint.output.summaries.summary import without_error
+    from tdint.output.summary import without_error
 
     statuses = store.statuses()
     failed = {name: statuses[name] for name in _FAILED if name in statuses}

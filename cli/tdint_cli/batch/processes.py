@@ -1,19 +1,171 @@
-"""The same work on one record after another, in this process or in several; the outcomes come in the order given."""
+"""The same work on one record after another, in this process or in several; the outcomes come in the order given.
+
+A process does each task by itself: one that is lost takes no other's work with it. It never outlives the process that
+started it, however that one ends: Linux sends it SIGKILL then, and everywhere it ends when the pipe to the first
+process is gone.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
+import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import connection, get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
 from tdint.input_bytes import READ, STDIN
-from tdint_cli.batch.workers import Lost, Workers
-from tdint_cli.terminal.progress import counted
+from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through
+from tdint_cli.terminal import counted
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
+
+
+Item = TypeVar("Item")
+Outcome = TypeVar("Outcome")
+
+_HELD_BACK = (signal.SIGINT, signal.SIGTERM)
+
+_GRACE = 5.0
+"""Seconds that a worker has to end before it is killed."""
+
+
+class Lost(Exception):
+    """The process that had a task ended before it was done."""
+
+
+class Workers(Generic[Item, Outcome]):
+    """Processes that apply a function to items; a context, at whose end none of them is left.
+
+    Parameters
+    ----------
+    function : callable
+        A function of a module, or a `functools.partial` of one: new processes find it by its name. What it raises is
+        raised here.
+    count : int
+        Number of processes.
+    """
+
+    def __init__(self, function: Callable[[Item], Outcome], count: int) -> None:
+        self._context: Any = get_context(START_OF_PROCESSES)
+        self._function = function
+        self._count = count
+        self._workers: list[_Worker] = []
+
+    def __enter__(self) -> Workers[Item, Outcome]:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.end()
+        self._workers.clear()
+
+    def outcomes(self, items: Sequence[Item]) -> Iterator[tuple[int, Outcome | Lost]]:
+        """The outcome of each item with its place, in the order in which they come."""
+        waiting = deque(enumerate(items))
+        while waiting or any(worker.place is not None for worker in self._workers):
+            self._hand_out(waiting)
+            busy = [worker for worker in self._workers if worker.place is not None]
+            ready = connection.wait([end for worker in busy for end in (worker.pipe, worker.process.sentinel)])
+            for worker in busy:
+                if worker.pipe in ready or worker.process.sentinel in ready:
+                    yield self._taken(worker)
+
+    def _hand_out(self, waiting: deque[tuple[int, Item]]) -> None:
+        """Give every process that has nothing to do an item, as long as there are any; start those that are missing."""
+        while waiting:
+            idle = next((worker for worker in self._workers if worker.place is None), None)
+            if idle is None:
+                if len(self._workers) == self._count:
+                    return
+                idle = self._start()
+            place, item = waiting.popleft()
+            try:
+                idle.pipe.send(item)
+            except OSError:  # It has ended while it had nothing to do.
+                waiting.appendleft((place, item))
+                self._remove(idle)
+            else:
+                idle.place = place
+
+    def _taken(self, worker: _Worker) -> tuple[int, Outcome | Lost]:
+        assert worker.place is not None
+        place = worker.place
+        try:
+            succeeded, outcome = worker.pipe.recv()
+        except (EOFError, OSError):
+            self._remove(worker)
+            return place, Lost()
+        worker.place = None
+        if not succeeded:
+            raise outcome
+        return place, outcome
+
+    def _start(self) -> _Worker:
+        ours, theirs = self._context.Pipe()
+        with warnings.catch_warnings():
+            # numpy's threads, which know how to be forked, are all there are.
+            warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
+            process = self._context.Process(target=_work, args=(self._function, theirs, os.getpid()), daemon=True)
+            worker = _Worker(process, ours)
+            # An exception in what Python does after a fork would be lost, and the signal with it.
+            with held_back(_HELD_BACK):
+                self._workers.append(worker)
+                process.start()
+        theirs.close()
+        return worker
+
+    def _remove(self, worker: _Worker) -> None:
+        self._workers.remove(worker)
+        worker.end()
+
+
+class _Worker:
+    """A process, this side of the pipe to it, and the place of the item that it has; None for nothing."""
+
+    def __init__(self, process: BaseProcess, pipe: Connection) -> None:
+        self.process = process
+        self.pipe = pipe
+        self.place: int | None = None
+
+    def end(self) -> None:
+        """End the process, whatever it does, and wait for it."""
+        self.pipe.close()
+        if self.process.pid is None:
+            return
+        self.process.terminate()
+        self.process.join(_GRACE)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+
+
+def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
+    """Do items until the pipe ends."""
+    # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
+    signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    let_through(_HELD_BACK)
+    end_with(parent)
+    with suppress(EOFError, OSError):
+        while True:
+            item = pipe.recv()
+            try:
+                answer = True, function(item)
+            except Exception as error:
+                answer = False, error
+            pipe.send(answer)
+
 
 Result = TypeVar("Result")
 

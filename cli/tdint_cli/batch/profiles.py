@@ -11,12 +11,11 @@ from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.headings import Declared
+from tdint_cli.options.headings import BESIDE, Declaration
 from tdint_cli.options.output import check_picture
-from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import Ratio
-from tdint_cli.terminal.streams import say, warn
+from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
@@ -30,7 +29,7 @@ PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """In the folder of -o."""
 
 
-def drift_limit(*names: str) -> Declared:
+def drift_limit(*names: str) -> Declaration:
     """The option --drift-limit, under more names."""
     return options.analysis.option(
         *names,

@@ -75,7 +75,7 @@ def plugins(text: str = "", exposed: bool = True) -> Callable[[Function], Functi
 plugin = plugins(exposed=False)
 
 
-def method_of(needs: str) -> headings.Declared:
+def method_of(needs: str) -> headings.Declaration:
     """The option --method, of what it `needs`."""
     return option(
         "--method",
@@ -90,7 +90,7 @@ def method_of(needs: str) -> headings.Declared:
 method = method_of("")
 
 
-def methods(text: str) -> headings.Declared:
+def methods(text: str) -> headings.Declaration:
     """The option --method of commands that take several; `text` says which if there is none."""
     return option(
         "--method",
@@ -154,7 +154,7 @@ DRAWN = (
 """Methods of a picture of all: what people compare with, and what is ours; more lines are not told apart."""
 
 
-def draw_all(names: Sequence[str]) -> headings.Declared:
+def draw_all(names: Sequence[str]) -> headings.Declaration:
     """The option --all of a picture that has these methods without it."""
     return headings.option(
         "--all",

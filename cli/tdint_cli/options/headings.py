@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
@@ -10,9 +11,8 @@ import click
 from click.core import ParameterSource
 
 from tdint.errors import UsageError
-from tdint_cli.options.plot import with_named_files
 from tdint_cli.options.values import ListOf
-from tdint_cli.settings import Settings
+from tdint_cli.terminal import Settings
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Kind = TypeVar("Kind")
@@ -24,6 +24,16 @@ OWN, RECORD, SPECTRUM, INTENSITY = "Options", "Record", "Spectrum", "Intensity"
 ANALYSIS, OUTPUT, GENERAL = "Analysis", "Output", "General"
 ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
 """The headings in the order of the help; `OWN` is for what is peculiar to one command."""
+
+
+BESIDE = "\0"
+"""The value of such an option alone; no file has such a name."""
+
+_NAMES = {
+    "--plot": re.compile(r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL),
+    "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
+}
+"""What follows such an option and names its file; pictures that cannot be are refused later, in words."""
 
 
 class HeadedOption(click.Option):
@@ -44,7 +54,7 @@ else:
 
 
 @dataclass(frozen=True)
-class Declared(_Value):
+class Declaration(_Value):
     """An option or an argument: what declares it of a command, or of a field of its request (`request`).
 
     Attributes
@@ -67,7 +77,7 @@ class Declared(_Value):
     def __call__(self, command: Function) -> Function:
         return with_options((self.declare(*self.names, **self.settings), *self.behind), command)
 
-    def of_field(self, name: str) -> Declared:
+    def of_field(self, name: str) -> Declaration:
         """The same for a field of a request, which names what has no name, and is what the command gets it as."""
         flags = [flag for flag in self.names if flag.startswith("-")]
         if not flags and self.declare is click.option:
@@ -83,7 +93,7 @@ def option(
     once: bool = True,
     behind: Sequence[Callable[[Any], Any]] = (),
     **settings: Any,
-) -> Declared:
+) -> Declaration:
     """As `click.option`, under a heading.
 
     `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
@@ -94,19 +104,21 @@ def option(
     """
     if many:
         settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
-    return Declared(click.option, names, settings | {"cls": HeadedOption, "heading": heading, "needs": needs}, behind)
+    return Declaration(
+        click.option, names, settings | {"cls": HeadedOption, "heading": heading, "needs": needs}, behind
+    )
 
 
-def argument(metavar: str, **settings: Any) -> Declared:
+def argument(metavar: str, **settings: Any) -> Declaration:
     """As `click.argument`, of a field of a request."""
-    return Declared(click.argument, (), settings | {"metavar": metavar})
+    return Declaration(click.argument, (), settings | {"metavar": metavar})
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def request(kind: type[Kind]) -> type[Kind]:
     """A command line as a frozen dataclass: a field whose default is an option is given by it (`of`), in the order of
     the fields, others by what else the command has."""
-    declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declared)}
+    declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declaration)}
     for name in declared:
         delattr(kind, name)
     made = dataclass(frozen=True, kw_only=True)(kind)
@@ -132,6 +144,25 @@ def _each(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], .
 
 def _each_once(ctx: click.Context, option: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> Any:
     return tuple(dict.fromkeys(_each(ctx, option, lists) or ())) or None
+
+
+def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
+    """A command line in which every option of these has its value: the next word if that is such a name or empty."""
+    result: list[str] = []
+    words = iter(enumerate(arguments))
+    for i, word in words:
+        if word == "--":
+            return [*result, *arguments[i:]]
+        if word not in _NAMES or word not in options:
+            result.append(word)
+            continue
+        following = arguments[i + 1] if i + 1 < len(arguments) else BESIDE
+        if following == "" or _NAMES[word].fullmatch(following):
+            next(words)
+            result.append(f"{word}={following}")
+        else:
+            result.append(f"{word}={BESIDE}")
+    return result
 
 
 class Command(click.Command):

@@ -15,10 +15,9 @@ import click
 from tdint.errors import UsageError
 from tdint.output_units import SI, OutputUnits
 from tdint.units import LENGTH
+from tdint_cli.drawing import emit_table
 from tdint_cli.options import headings
-from tdint_cli.options.plot import beside, picture_file
 from tdint_cli.options.values import FileName, OutputUnitsType
-from tdint_cli.terminal.drawing import emit_table
 
 if TYPE_CHECKING:
     from tdint.files import Content
@@ -29,10 +28,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.OUTPUT)
 
+SUFFIX = ".png"
+"""Of a picture that got no name."""
+
 TABLE = "Write the table to this file instead of standard output."
 
 
-def output(metavar: str = "FILE", text: str = TABLE) -> headings.Declared:
+def output(metavar: str = "FILE", text: str = TABLE) -> headings.Declaration:
     """The option -o; what it names differs between the commands."""
     kind = FileName(folder=metavar == "DIR")
     return option("-o", "--output", type=kind, metavar=metavar, callback=refuse_empty, help=text)
@@ -52,7 +54,7 @@ def check_report(value: str | None) -> str | None:
     return value
 
 
-def plot(text: str) -> headings.Declared:
+def plot(text: str) -> headings.Declaration:
     """The option --plot; what it draws differs between the commands."""
     return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text, behind=_PRINTED)
 
@@ -267,7 +269,7 @@ def provenance(
     """The JSON file beside a table whose columns mean this: what is `told`, by default the options of the command
     line, and with it all that was read."""
     from tdint.input_bytes import READ
-    from tdint.output.summaries.summary import in_units, json_bytes, merged_inputs, table_summary
+    from tdint.output.summary import in_units, json_bytes, merged_inputs, table_summary
 
     if told is None:
         context = click.get_current_context()
@@ -293,3 +295,23 @@ def check_picture(file: Path) -> None:
 
     picture_format(file.suffix)
     check_print(PRINTED.get())
+
+
+def picture_file(plot: str | None, table: Path | None) -> Path | None:
+    """The file of a picture, if one is asked for; the table's name with another suffix if it got no name.
+
+    Raises
+    ------
+    UsageError
+        It has no name, and there is no table beside which it could lie.
+    """
+    if plot != headings.BESIDE:
+        return Path(plot) if plot else None
+    if table is None:
+        raise UsageError("--plot alone puts the picture beside the output: add -o, or name it: --plot=FILE.png")
+    return beside(table, SUFFIX)
+
+
+def beside(table: Path, suffix: str) -> Path:
+    """The file of another kind beside a table, which may be packed (.csv.gz)."""
+    return (table.with_suffix("") if table.suffix.lower() == ".gz" else table).with_suffix(suffix)

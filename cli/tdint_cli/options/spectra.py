@@ -45,7 +45,7 @@ _PICTURE = output.plot(
 )
 
 
-def tables_of_records(*more: headings.Declared) -> Callable[[Function], Function]:
+def tables_of_records(*more: headings.Declaration) -> Callable[[Function], Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
     declarations = (_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
     return lambda command: headings.with_options(declarations, command)
@@ -71,7 +71,7 @@ export_floors = output.option(
 )
 
 
-def damping(needs: str = "") -> headings.Declared:
+def damping(needs: str = "") -> headings.Declaration:
     """The option --damping, of what it `needs`."""
     return option(
         "--damping",

@@ -12,7 +12,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.values import FileName, PairsType, PairWish, Ratio, grid
-from tdint_cli.terminal.streams import note, warn
+from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.suites.intensity import IntensityMeasure
@@ -32,7 +32,7 @@ def pair_measure(wish: PairWish | None) -> str:
     return (wish and wish.measure) or PAIRS[0]
 
 
-def target(text: str, heading: str = headings.OWN) -> headings.Declared:
+def target(text: str, heading: str = headings.OWN) -> headings.Declaration:
     """The option --target; what becomes of it differs between the commands."""
     named = (
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
@@ -41,7 +41,7 @@ def target(text: str, heading: str = headings.OWN) -> headings.Declared:
     return headings.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
 
 
-def pairs(text: str) -> headings.Declared:
+def pairs(text: str) -> headings.Declaration:
     """The option --pairs; what it does differs between the commands."""
     return option(
         "--pairs",
@@ -52,7 +52,7 @@ def pairs(text: str) -> headings.Declared:
     )
 
 
-def damping(needs: str) -> headings.Declared:
+def damping(needs: str) -> headings.Declaration:
     """The option --damping, of the measures that it `needs`."""
     return option(
         "--damping",
@@ -64,7 +64,7 @@ def damping(needs: str) -> headings.Declared:
     )
 
 
-def average(needs: str) -> headings.Declared:
+def average(needs: str) -> headings.Declaration:
     """The option --average, of the measure that it `needs`."""
     return option(
         "--average",

@@ -33,7 +33,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.figures import assessment, demands, fragility, ida, records, runs, spectrum_curves, statics, suites
+from tdint.output.figures import assessment, collapse, demands, records, runs, spectrum_curves, statics, suites
 from tdint.output.figures.comparison import comparison_picture
 from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture, style_context
@@ -169,16 +169,16 @@ _LOOKS: dict[type, _Look] = {
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
     FloorSpectrum: _Look(demands.floor_picture),
     Fragility: _Look(
-        lambda found, _: fragility.fragility_picture(found),
-        lambda ax, found, _: fragility.draw_functions(ax, found),
+        lambda found, _: collapse.fragility_picture(found),
+        lambda ax, found, _: collapse.draw_functions(ax, found),
     ),
     FragilityResult: _of_one(
-        lambda one, _: fragility.fragility_picture(one.functions),
-        lambda ax, one, _: fragility.draw_functions(ax, one.functions),
+        lambda one, _: collapse.fragility_picture(one.functions),
+        lambda ax, one, _: collapse.draw_functions(ax, one.functions),
     ),
     IdaStudy: _of_one(
-        lambda one, units: ida.ida_picture(one.in_units(units)),
-        lambda ax, one, units: ida.draw_ida(ax, one.in_units(units)),
+        lambda one, units: collapse.ida_picture(one.in_units(units)),
+        lambda ax, one, units: collapse.draw_ida(ax, one.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
     Modes: _of_one(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
-from tdint.output.summaries.summary import versions
+from tdint.output.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import suffix

@@ -14,7 +14,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
 from tdint.output import figures
 from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, input_points, model_chapter, page
-from tdint.output.summaries.summary import campaign_summary
+from tdint.output.summary import campaign_summary
 from tdint.output.tables.campaign import profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
@@ -65,7 +65,7 @@ def run_page(
     response : Response
         With its history, for the picture.
     content : mapping
-        Its summary (`tdint.output.summaries.of_run.run_summary`), in SI units.
+        Its summary (`tdint.output.run_summary.run_summary`), in SI units.
     said : str
         The run in a few sentences.
     warnings : sequence of str

@@ -13,7 +13,7 @@ from tdint.input_bytes import is_file
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
-from tdint_cli.terminal.streams import note, say
+from tdint_cli.terminal import note, say
 
 if TYPE_CHECKING:
     from tdint.analysis.run.overview import Overview
@@ -64,7 +64,7 @@ def command(
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.output_units import SI
-    from tdint_cli.terminal.drawing import emit_table
+    from tdint_cli.drawing import emit_table
 
     sound: list[Overview] = []
     failures: list[TdintError] = []
@@ -89,7 +89,7 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     from tdint.methods.catalogue import load_plugin, parse
     from tdint.output.tables.methods import DECLARATION
     from tdint.output.tables.table import Table
-    from tdint_cli.terminal.drawing import emit_table
+    from tdint_cli.drawing import emit_table
 
     found = [load_plugin(file) for file in plugins]
     checks = [check_method(parse(method.name)) for methods, _ in found for method in methods]
@@ -136,8 +136,8 @@ def _named_by(file: str) -> tuple[str, ...] | None:
 def _print_schema(kind: str) -> None:
     from tdint.campaign.reader import campaign_schema
     from tdint.model.config.model_file import model_schema
-    from tdint.output.summaries.summary import json_bytes
-    from tdint_cli.terminal.streams import emit
+    from tdint.output.summary import json_bytes
+    from tdint_cli.terminal import emit
 
     schemas = {"model": model_schema, "campaign": campaign_schema}
     emit(json_bytes(schemas[kind]()))

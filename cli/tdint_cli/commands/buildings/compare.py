@@ -15,11 +15,10 @@ from tdint.output import figures
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
-from tdint_cli.options.output import check_picture
-from tdint_cli.options.plot import picture_file
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.values import FileName, Written, grid
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -188,8 +187,7 @@ def _check(request: Request) -> None:
 def _write(
     request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
 ) -> None:
-    from tdint.output.summaries.of_comparison import comparison_summary
-    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.summary import comparison_summary, in_units, json_bytes
     from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)

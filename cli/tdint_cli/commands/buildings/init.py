@@ -14,7 +14,7 @@ from tdint.files import write_files
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.values import FileName, Name, Written
-from tdint_cli.terminal.streams import emit, say
+from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
     from tdint.model.first_model import FittedLaw

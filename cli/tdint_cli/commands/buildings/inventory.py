@@ -14,7 +14,7 @@ from tdint.units import LENGTH
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, Ratio
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,7 +13,7 @@ from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, drift_size
-from tdint_cli.terminal.streams import say, say_table
+from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import Cycle, CyclicTest

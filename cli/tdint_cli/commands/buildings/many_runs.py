@@ -14,10 +14,10 @@ from tdint.written_numbers import how_many
 from tdint_cli.batch.campaigns import advance_with_bar, carry_out, tell_outcomes
 from tdint_cli.batch.profiles import Profiles
 from tdint_cli.commands.buildings.run_request import Request
+from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
 from tdint_cli.options.building import with_motion
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import note, say
+from tdint_cli.terminal import note, say
 
 if TYPE_CHECKING:
     from tdint.campaign.plan import Plan

@@ -8,7 +8,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.terminal.streams import note
+from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
     from tdint_cli.options.output import Outputs

@@ -11,7 +11,7 @@ from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import drift_size
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover

@@ -19,13 +19,13 @@ from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.commands.buildings.run_request import HISTORY, PICTURE, STORIES, SUMMARY, Request
+from tdint_cli.drawing import emit_table
 from tdint_cli.options.building import check_motion, with_motion
-from tdint_cli.options.output import check_picture
-from tdint_cli.options.plot import BESIDE, picture_file
+from tdint_cli.options.headings import BESIDE
+from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
 from tdint_cli.options.values import FileName
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import complain, note, say, warn
+from tdint_cli.terminal import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
@@ -128,7 +128,7 @@ def _run(request: Request) -> None:
     from tdint.analysis.run.outcome import FailedRun
     from tdint.analysis.run.run import model_record, prepare
     from tdint.model.config.model_file import load_model
-    from tdint.output.summaries.summary import model_input
+    from tdint.output.summary import model_input
 
     _check(request)
     model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
@@ -274,8 +274,8 @@ def _stories(request: Request, response: Response) -> Table:
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Content]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.elastic import first_mode
-    from tdint.output.summaries.of_run import UNITS, run_summary
-    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.run_summary import UNITS, run_summary
+    from tdint.output.summary import in_units, json_bytes
 
     units = _units(request)
     files: dict[Path, Content] = {}
@@ -335,8 +335,8 @@ def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
 ) -> dict[Path, Content]:
     from tdint.analysis.spectra.elastic import first_mode
-    from tdint.output.summaries.of_run import UNITS, failure_summary
-    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.run_summary import UNITS, failure_summary
+    from tdint.output.summary import in_units, json_bytes
 
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, case.record)

@@ -15,7 +15,7 @@ from tdint_cli.batch.sources import notes_of_components, refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.terminal.streams import note, warn
+from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
     from tdint.output.tables.spectra import RecordInfo
@@ -118,7 +118,7 @@ def _undrawn(products: Sequence[Product]) -> int:
 
 
 def _deliver(request: Request, products: Sequence[Product]) -> None:
-    from tdint.output.summaries.summary import table_summary
+    from tdint.output.summary import table_summary
 
     rows = [row for product in products for row in product.table.rows]
     records = [record for product in products for record in product.records]
@@ -134,7 +134,7 @@ def _deliver(request: Request, products: Sequence[Product]) -> None:
 
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
-    from tdint.output.summaries.summary import record_summary
+    from tdint.output.summary import record_summary
 
     records = request.read(task.source)
     infos = list(map(tables.spectra.record_info, records))

@@ -96,7 +96,7 @@ def _write_target(request: SpectrumRequest) -> None:
         if min(periods) <= 0.0:
             raise UsageError("--period 0: a target has positive periods")
         target = replace(target, periods=periods, psa=target.at(periods))
-    from tdint.output.summaries.summary import table_summary
+    from tdint.output.summary import table_summary
     from tdint.output.tables.spectra import TARGET
     from tdint.output.tables.table import Table
 

@@ -11,8 +11,8 @@ from tdint.errors import RecordError, UsageError
 from tdint.input_bytes import STDIN
 from tdint.output import figures, tables
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
-from tdint_cli.options.plot import BESIDE
-from tdint_cli.terminal.streams import note
+from tdint_cli.options.headings import BESIDE
+from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum

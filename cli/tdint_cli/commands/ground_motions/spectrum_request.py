@@ -14,7 +14,7 @@ from tdint.errors import UsageError
 from tdint.written_numbers import Grid, parse_grid
 from tdint_cli import options
 from tdint_cli.options import headings
-from tdint_cli.options.plot import BESIDE
+from tdint_cli.options.headings import BESIDE
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.values import FileName, Number, Ratio, pair_names
 

@@ -15,11 +15,10 @@ from tdint.output import figures
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, TablesRequest
+from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import Outputs, check_picture
-from tdint_cli.options.plot import SUFFIX, beside, picture_file
-from tdint_cli.terminal.drawing import reading_width, table_bytes
-from tdint_cli.terminal.streams import emit, note, warn
+from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
+from tdint_cli.terminal import emit, note, warn
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
 
 def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
     """All that becomes of one record; it may run in another process."""
-    from tdint.output.summaries.summary import record_summary
+    from tdint.output.summary import record_summary
 
     records = [record for file in (task.source, *task.others) for record in request.read(file)]
     results = kind.compute(request, records)
@@ -167,7 +166,7 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
 
 def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
-    from tdint.output.summaries.summary import in_units, json_bytes, table_summary
+    from tdint.output.summary import in_units, json_bytes, table_summary
 
     outputs = _outputs(request, table)
     contents: dict[Path, bytes] = {}

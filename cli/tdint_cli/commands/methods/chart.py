@@ -16,8 +16,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import Number
-from tdint_cli.terminal.progress import Progress, part_of, progress_bar
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
-    from tdint.output.summaries.of_chart import Advice
+    from tdint.output.summary import Advice
 
 
 TARGETS = tuple(QUANTITIES)
@@ -201,7 +200,7 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 
 def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
-    from tdint.output.summaries.of_chart import Advice
+    from tdint.output.summary import Advice
 
     own = [point for point in points if tables.methods.PEER not in point.line]
     return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
@@ -217,7 +216,7 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
 def _deliver(
     request: Request, charts: list[Chart], model: Model, record: Record | None, advice: list[Advice], notes: list[str]
 ) -> None:
-    from tdint.output.summaries.of_chart import chart_summary
+    from tdint.output.summary import chart_summary
 
     name, target = model.name, request.target
     table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])

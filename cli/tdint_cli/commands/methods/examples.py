@@ -13,9 +13,9 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.output_units import SI
 from tdint_cli import options
+from tdint_cli.drawing import emit_table
 from tdint_cli.options.values import Number
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import say, say_table
+from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import Example, ExampleRun

@@ -19,8 +19,8 @@ def command(references: bool, bibtex: bool) -> None:
     """
     from tdint.methods.catalogue import catalogue, parse
     from tdint.output.tables.methods import method_table, reference_table
-    from tdint_cli.terminal.drawing import emit_table
-    from tdint_cli.terminal.streams import emit
+    from tdint_cli.drawing import emit_table
+    from tdint_cli.terminal import emit
 
     if references and bibtex:
         raise UsageError("--references and --bibtex are given; leave one of the two out")

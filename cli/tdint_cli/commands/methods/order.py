@@ -14,7 +14,7 @@ from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import grid
-from tdint_cli.terminal.streams import note
+from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder, OrderProblem

@@ -11,7 +11,7 @@ from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import Number
-from tdint_cli.terminal.streams import say, say_table
+from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.overshoot import Overshoot

@@ -9,7 +9,7 @@ from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import grid
-from tdint_cli.terminal.streams import say_table, warn
+from tdint_cli.terminal import say_table, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

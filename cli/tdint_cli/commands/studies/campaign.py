@@ -14,11 +14,11 @@ from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
 from tdint_cli.batch.profiles import REQUIRE, Profiles, SuiteRequest, drift_limit
+from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
 from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import FileName
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Engine, Shard

@@ -19,7 +19,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, Number, span
-from tdint_cli.terminal.streams import complain, say, warn
+from tdint_cli.terminal import complain, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
@@ -175,7 +175,7 @@ def _fragility(
         _write_model(result.functions, Path(openquake), states or (), outputs.overwrite)
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(functions, total=beta_model > 0.0),
-        lambda: (figures.fragility.types_picture if by else figures.fragility.fragility_picture)(functions),
+        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
     )
     for text in [_count(functions)] if by else map(_words, functions):
         say(text)

@@ -15,15 +15,13 @@ from tdint.system import processors
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import check_picture
-from tdint_cli.options.plot import picture_file
+from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, PairWish, Ratio, intensity, period
-from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal import note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.ida.damage import Mainshock
@@ -266,7 +264,7 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.campaign.ida.study import STORE
     from tdint.campaign.store.store import open_written
-    from tdint.output.summaries.summary import (
+    from tdint.output.summary import (
         in_units,
         inputs_summary,
         json_bytes,
@@ -276,8 +274,8 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
     )
 
     files: dict[Path, Content] = {}
+    shown = study.in_units(units)
     if request.output:
-        shown = study.in_units(units)
         written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
         for name, table in written.items():
             files[Path(request.output) / name] = table.in_units(units).csv()
@@ -297,7 +295,9 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = json_bytes(in_units(content, units))
     if picture := request.picture:
-        files[picture] = figures.style.picture(picture.suffix, lambda: figures.ida.ida_picture(study.in_units(units)))
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))
+        )
     if not request.output:
         write_files(files, overwrite=request.overwrite)
         return

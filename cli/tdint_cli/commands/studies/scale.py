@@ -18,7 +18,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, Number, PairWish, intensity, span_at
-from tdint_cli.terminal.streams import say, warn
+from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.suites.scaling import Scaling
@@ -194,7 +194,7 @@ def command(**given: Any) -> None:
 
 
 def _scale(request: ScaleRequest) -> None:
-    from tdint.output.summaries.summary import record_summary, table_summary
+    from tdint.output.summary import record_summary, table_summary
 
     request.check()
     outputs, units = request.outputs, request.outputs.shown_units

@@ -19,7 +19,7 @@ from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.values import FileName
-from tdint_cli.terminal.streams import note, say
+from tdint_cli.terminal import note, say
 
 
 def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:

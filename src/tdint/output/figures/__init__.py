@@ -11,11 +11,10 @@ from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
     from tdint.output.figures import assessment as assessment
+    from tdint.output.figures import collapse as collapse
     from tdint.output.figures import comparison as comparison
     from tdint.output.figures import demands as demands
     from tdint.output.figures import failure_matrix as failure_matrix
-    from tdint.output.figures import fragility as fragility
-    from tdint.output.figures import ida as ida
     from tdint.output.figures import records as records
     from tdint.output.figures import runs as runs
     from tdint.output.figures import spectrum_curves as spectrum_curves

@@ -1,4 +1,4 @@
-"""Tables of methods: what they are, what is measured of them, what they cost."""
+"""Tables of methods: what they are, what is measured of them, what they cost; and of validation cases."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import StabilityCurve
     from tdint.analysis.chart.work_precision import Chart
     from tdint.methods.method import Integrator, Method
+    from tdint.validation.case import ValidationResult
 
 
 def _power(value: float) -> float:
@@ -263,3 +264,22 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
     """The tables of several charts, with the number of stories before all."""
     rows = [(chart.stories, *row) for chart in charts for point in chart.points for row in rows_of(CHART, point)]
     return Table.of((CHART_STORIES, *CHART), rows)
+
+
+VALIDATION = (
+    Column("case", "text", "case.name", "name of the case"),
+    Column("what", "text", "case.title", "what it shows"),
+    Column("source", "text", "case.source", "where its numbers come from"),
+    Column("numbers", "1", lambda one: len(one.case.published), "how many numbers are compared"),
+    Column("unit", "text", "case.unit", "unit of the numbers"),
+    Column("relative", "text", "case.relative", "whether differences are over the published numbers"),
+    Column("largest_difference", "1", "largest", "largest difference of computed from published numbers"),
+    Column("tolerance", "1", "case.tolerance", "the largest difference that the case allows"),
+    Column("difference_is", "text", "case.difference_is", "what differences are made of"),
+    Column("within", "text", "within", "whether all numbers are within the tolerance"),
+)
+
+
+def validation_table(results: Iterable[ValidationResult]) -> Table:
+    """One row per case."""
+    return Table.of_results(VALIDATION, results)

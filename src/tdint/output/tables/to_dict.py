@@ -41,9 +41,9 @@ from tdint.methods.method import Integrator
 from tdint.model.inventory.derive import InventoryBuilding
 from tdint.model.modes import Modes
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
+from tdint.output.tables.methods import validation_table
 from tdint.output.tables.spectra import RecordInfo
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table
-from tdint.output.tables.validation import validation_table
 from tdint.output_units import SI, parse_output_units
 from tdint.tabular import Several
 from tdint.validation.case import ValidationResult

@@ -11,7 +11,7 @@ from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
-from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
+from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.quantity import suffix
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         StoryPeaks,
     )
     from tdint.analysis.spectra.elastic import FirstMode
+
 
 MEANINGS = {
     "time_s": ("s", "last time reached"),

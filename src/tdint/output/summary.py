@@ -1,5 +1,5 @@
-"""What a result was, how it came about, and from which inputs and versions: what all JSON files have in common, and the
-one beside a table of records."""
+"""What a result was, how it came about, and from which inputs and versions: what all JSON files have in common, and
+those beside tables of records, of a campaign, of charts and of comparisons."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
@@ -15,14 +16,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.analysis.comparison.compare import absolute_displacements
+from tdint.analysis.defaults import QUANTITIES
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
+from tdint.output.tables.buildings import comparison_table, fitted_table
 from tdint.output.tables.table import converted, describe, described_in
 from tdint.output_units import SI, OutputUnits
 from tdint.version import version_of_sources
 
 if TYPE_CHECKING:
+    from tdint.analysis.chart.work_precision import Chart, Point
+    from tdint.analysis.comparison.compare import Comparison
+    from tdint.analysis.comparison.fit import Fit
     from tdint.campaign.store.store import Store
+    from tdint.model.definition import Model
+
 
 _SCHEMA = 1
 
@@ -217,3 +226,140 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:  # Imported from a folder, not installed.
         return None
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What is recommended for an error within a limit, None where no point of the chart is; and what costs the same."""
+
+    limit: float
+    point: Point | None
+    ties: Sequence[Point] = ()
+
+
+def chart_summary(
+    charts: Sequence[Chart],
+    *,
+    model: Model,
+    record: Record | None,
+    target: str,
+    advice: Sequence[Advice],
+    notes: Sequence[str],
+    meanings: Mapping[str, Mapping[str, str]],
+) -> dict[str, Any]:
+    """Content of the JSON file beside the table: the references and how well they are known, what is recommended."""
+    file = model_input(model)
+    return {
+        "schema": schema("chart"),
+        "command": "chart",
+        "name": model.name,
+        "model": {"file": file.file, "sha256": file.sha256},
+        "record": record_summary(record) if record else None,
+        "target": target,
+        "interval_s": charts[0].interval,
+        "references": [_reference(chart) for chart in charts],
+        "recommended": [_advice(one, target) for one in advice],
+        "usual": _point(charts[0].usual, target) if len(charts) == 1 else None,
+        "notes": list(notes),
+        "columns": meanings,
+        "versions": versions(),
+    }
+
+
+def _reference(chart: Chart) -> Mapping[str, Any]:
+    reference = chart.reference
+    return {
+        "stories": chart.stories,
+        "method": reference.method,
+        "dt_s": reference.dt,
+        "confirmed_by": reference.confirmed_by,
+        "gap": {quantity.replace("-", "_"): reference.gap.of(quantity) for quantity in QUANTITIES},
+    }
+
+
+def _advice(advice: Advice, target: str) -> dict[str, Any]:
+    found = _point(advice.point, target) if advice.point else {"method": None}
+    return {"limit": advice.limit, **found, "ties": [_point(tie, target) for tie in advice.ties]}
+
+
+def _point(point: Point, target: str) -> dict[str, Any]:
+    return {
+        "method": point.method,
+        "dt_s": point.dt,
+        "time_min_s": point.fastest,
+        "error": point.error(target),
+        "outcome": point.outcome,
+    }
+
+
+def comparison_summary(
+    model: Model,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    settings: Mapping[str, Any],
+    units: OutputUnits = SI,
+) -> dict[str, Any]:
+    """Content of the JSON file beside the table.
+
+    Parameters
+    ----------
+    model : Model
+        As it was read.
+    comparisons : sequence of Comparison
+        The event that was asked for, then those it was not fitted to.
+    fitted : Fit or None
+        What was fitted to the first one.
+    settings : mapping
+        Settings of the command line.
+    units : OutputUnits
+        Of the fitted values, whose names say them; the keys' units are those of `in_units`.
+    """
+    return {
+        "schema": schema("compare"),
+        "name": model.name,
+        "events": [_event(one) for one in comparisons],
+        "fit": _fit(fitted, units),
+        "settings": dict(settings),
+        "inputs": inputs_summary([model_input(model), *(file for one in comparisons for file in _inputs(one))]),
+        "columns": comparison_table(comparisons).meanings,
+        "versions": versions(),
+    }
+
+
+def _inputs(one: Comparison) -> list[Any]:
+    return [input_of(one.event.recording.source, one.event.recording.text), *one.event.inputs]
+
+
+def _event(one: Comparison) -> dict[str, Any]:
+    event, response = one.event, one.response
+    return {
+        "name": event.recording.name,
+        "method": response.method,
+        "dt_s": response.dt,
+        "status": response.status,
+        "base": {"dt_s": event.base.dt, "samples": event.count, "pga_m_s2": event.base.pga},
+        "band_hz": list(event.recording.band) if event.recording.band else None,
+        "window_s": list(event.recording.window) if event.recording.window else None,
+        "shift_s": one.shift,
+        "floors": [
+            {
+                "floor": floor.floor,
+                "quantity": floor.quantity,
+                "samples": floor.time.size,
+                "correlation": floor.correlation,
+                "peak_ratio": floor.peak_ratio,
+                "rms_difference": floor.rms_difference,
+            }
+            for floor in one.floors
+        ],
+        "notes": [*event.notes, *response.notes],
+        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(one)],
+    }
+
+
+def _fit(fitted: Fit | None, units: OutputUnits) -> dict[str, Any] | None:
+    if fitted is None:
+        return None
+    table = fitted_table(fitted.values, units)
+    values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    return {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}

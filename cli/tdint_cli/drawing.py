@@ -7,11 +7,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from tdint_cli.terminal.progress import is_terminal
-from tdint_cli.terminal.streams import emit
+from tdint_cli.terminal import emit, is_terminal
 
 if TYPE_CHECKING:
     from tdint.output.tables.table import Table
+
 
 T = TypeVar("T")
 

@@ -9,8 +9,7 @@ import click
 from tdint.errors import UsageError
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import emit, say
+from tdint_cli.terminal import emit, progress_bar, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")

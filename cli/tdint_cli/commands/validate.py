@@ -5,8 +5,7 @@ from __future__ import annotations
 from tdint.errors import AnalysisError
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal import progress_bar, say
 
 
 @options.command("validate")
@@ -18,10 +17,9 @@ def command(outputs: Outputs) -> None:
     with its compiled time loops. CSV: for each case its largest difference and what the case allows; exit code 5 if one
     is beyond that. With all numbers, other programs and recordings the cases stand in tests/validation of the source.
     """
-    from tdint.output.tables.validation import validation_table
+    from tdint.output.tables.methods import validation_table
     from tdint.validation.case import carry_out
-    from tdint.validation.closed_forms import closed_form_cases
-    from tdint.validation.textbook import textbook_cases
+    from tdint.validation.cases import closed_form_cases, textbook_cases
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []

@@ -1,4 +1,4 @@
-"""Data to standard output, words to standard error."""
+"""What a person at a terminal sees beside data: words, progress; and what holds for a whole command line."""
 
 from __future__ import annotations
 
@@ -7,11 +7,48 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Sequence
-from typing import BinaryIO
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import BinaryIO, TypeVar
+
+import click
 
 from tdint.errors import OutputError, abridged
-from tdint_cli.settings import Settings, current, is_quiet
+
+
+@dataclass
+class Settings:
+    """Settings that every click context carries.
+
+    Attributes
+    ----------
+    debug : bool
+        Show a traceback with an error.
+    quiet : bool
+        Say nothing but warnings and errors.
+    bar : bool
+        A progress bar is shown.
+    options : frozenset of str
+        The options of the command that runs, --units and so on.
+    """
+
+    debug: bool = False
+    quiet: bool = False
+    bar: bool = False
+    options: frozenset[str] = frozenset()
+
+
+def current() -> Settings:
+    """Settings of the command that runs."""
+    context = click.get_current_context(silent=True)
+    return (context and context.find_object(Settings)) or Settings()
+
+
+def is_quiet() -> bool:
+    """Whether the command that runs was asked to be quiet."""
+    return current().quiet
+
 
 _EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
@@ -115,3 +152,62 @@ def _discard_from_now_on() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
+
+
+_PARTS = 1000
+
+Item = TypeVar("Item")
+
+Progress = Callable[[str, float], None]
+"""To be told what is being done and how much of it is done, from 0 to 1."""
+
+
+@contextmanager
+def progress_bar(to_terminal: bool) -> Iterator[Progress]:
+    """A bar that is told of the progress.
+
+    No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`), nor with `--quiet`.
+    """
+    if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
+        yield lambda what, part: None
+        return
+    with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
+
+        def tell(what: str, part: float) -> None:
+            bar.label = f"{what:<12}"
+            bar.update(max(0, round(part * _PARTS) - bar.pos))
+
+        settings = current()
+        settings.bar = True
+        try:
+            yield tell
+        finally:
+            settings.bar = False
+
+
+@contextmanager
+def counted(items: Iterable[Item], count: int, label: str, *, to_terminal: bool) -> Iterator[Iterable[Item]]:
+    """The items, with a bar that counts them if there are several."""
+    if count < 2:
+        yield items
+        return
+
+    def told(progress: Progress) -> Iterator[Item]:
+        progress(f"{label} 0/{count}", 0.0)
+        for done, item in enumerate(items, start=1):
+            yield item
+            progress(f"{label} {done}/{count}", done / count)
+
+    with progress_bar(to_terminal) as progress:
+        yield told(progress)
+
+
+def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
+    """What tells of a part of the work, from `start` to `end` of the whole, with a name before what is done."""
+    return lambda what, part: progress(f"{name}{what}", start + (end - start) * part)
+
+
+def is_terminal(stream: object) -> bool:
+    """Whether a person sees what is written there."""
+    isatty = getattr(stream, "isatty", None)
+    return bool(isatty and isatty())

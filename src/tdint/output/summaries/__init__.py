@@ -1,1 +1,0 @@
-"""JSON: what was asked for, what came of it, and from which files and versions."""

@@ -1,0 +1,305 @@
+"""What a campaign is exported as: Parquet where pyarrow is there, demands under the names of SimCenter's workflows, and
+points on a map, GeoJSON (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import groupby, islice
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.campaign.engine.runs import RUN
+from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
+from tdint.campaign.store.schema import RUNS, STORIES
+from tdint.errors import UsageError
+from tdint.output.tables.campaign import (
+    SAMPLE,
+    carried_columns,
+    numeric,
+    run_columns,
+    run_rows,
+    story_columns,
+    story_rows,
+    write_rows,
+)
+from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
+from tdint.output.tables.table import TEXT, Column, cell_text, names
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.campaign.engine.runs import Run
+    from tdint.campaign.profiles import SuiteLevel
+    from tdint.campaign.store.store import Store
+
+
+_ROWS_AT_ONCE = 131_072
+
+_COUNTED = {SAMPLE.name, "story", *(one.column for one in (*RUN, *STORY_QUANTITIES) if one.kind is int)}
+
+
+def runs_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
+    """What writes runs.parquet; None without pyarrow."""
+    return parquet_writer(store, run_columns(store), lambda: run_rows(store), carried=len(store.inventory_columns()))
+
+
+def stories_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
+    """What writes stories.parquet; None without pyarrow."""
+    return parquet_writer(store, story_columns(store), lambda: story_rows(store))
+
+
+def damage_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
+    """What writes damage.parquet; None without pyarrow."""
+    columns = damage_table_columns(store)
+    return parquet_writer(store, columns, lambda: damage_rows(store), carried=len(store.inventory_columns()))
+
+
+def parquet_writer(
+    store: Store, columns: Sequence[Column], rows: Callable[[], Iterable[Sequence[Any]]], *, carried: int = 0
+) -> Callable[[BinaryIO], None] | None:
+    """What writes rows under some columns, the last `carried` of which are the inventory's; None without pyarrow.
+
+    A column of words is one of strings, unless it is of the inventory and has numbers alone.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return None
+
+    def write(stream: BinaryIO) -> None:
+        first = len(columns) - carried
+        places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
+        words = {one.name for place, one in enumerate(columns) if one.unit == TEXT and place not in places}
+        kinds = {one.name: pyarrow.int64() if one.name in _COUNTED else pyarrow.float64() for one in columns}
+        schema = pyarrow.schema(list((kinds | dict.fromkeys(words, pyarrow.string())).items()))
+        with parquet.ParquetWriter(stream, schema) as writer:
+            for batch in _batches(rows()):
+                found = [_as_numbers(row, places) for row in batch]
+                cells = zip(*found, strict=True)
+                arrays = [pyarrow.array(one, field.type) for one, field in zip(cells, schema, strict=True)]
+                writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
+
+    return write
+
+
+def _batches(rows: Iterable[Sequence[Any]]) -> Iterator[list[Sequence[Any]]]:
+    source = iter(rows)
+    while batch := list(islice(source, _ROWS_AT_ONCE)):
+        yield batch
+
+
+def _as_numbers(row: Sequence[Any], places: Sequence[int]) -> Sequence[Any]:
+    if not places:
+        return row
+    found = list(row)
+    for place in places:
+        found[place] = float(found[place]) if found[place] else None
+    return found
+
+
+_AT = {name: place for place, name in enumerate(STORIES.columns)}
+
+
+def write_simcenter(store: Store, stream: BinaryIO) -> None:
+    """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute acceleration, m/s^2;
+    floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof displacement over height), 1-PFD-FLOOR-DIR
+    (displacement, m). The two components of a pair share a row; components that are no pairs but of one record are told
+    apart by a column `component` after `record`. Cells of runs without a result are empty.
+
+    Raises
+    ------
+    UsageError
+        The store has no stories.
+    """
+    stories, directions = _sizes(store)
+    names = [name for direction in range(1, directions + 1) for name in demand_names(stories, direction)]
+    apart = _share_a_name(store)
+    rows = ([*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions))
+    header = ("building", "record", *("component",) * apart, "scale", "sample", *names)
+    write_rows([Column(name, "1", name, name) for name in header], rows, stream)
+
+
+def demand_names(stories: int, direction: int) -> list[str]:
+    """SimCenter's names of the demands of a building with so many stories, in one direction."""
+    floors = range(1, stories + 1)
+    return [
+        *(f"1-PFA-{floor}-{direction}" for floor in (0, *floors)),
+        *(f"1-PID-{story}-{direction}" for story in floors),
+        f"1-PRD-1-{direction}",
+        *(f"1-PFD-{floor}-{direction}" for floor in floors),
+    ]
+
+
+def _sizes(store: Store) -> tuple[int, int]:
+    """The most stories of a building, and the most directions."""
+    (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
+    if stories is None:
+        raise UsageError(
+            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
+        )
+    (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
+    return int(stories), int(directions)
+
+
+def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
+    """Of each building, motion, scale and draw what tells it from others, and its demands."""
+    buildings, records = store.buildings(), store.records()
+    peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
+    size = len(demand_names(stories, 1))
+    firsts = _firsts(records)
+    for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
+        found: dict[tuple[int, float, int], list[Any]] = {}
+        for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
+            direction = records[record][2]
+            cells = found.setdefault((firsts[record], scale, sample), [None] * (size * directions))
+            start = size * (direction - 1)
+            cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
+        for (record, scale, sample), cells in found.items():
+            name, component, _ = records[record]
+            yield [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale, sample], cells
+
+
+def _share_a_name(store: Store) -> bool:
+    """Whether motions that have rows of their own bear one name."""
+    names = [name for name, _, direction in store.records().values() if direction == 1]
+    return len(set(names)) < len(names)
+
+
+def _firsts(records: Any) -> dict[int, int]:
+    """The number of the first component of each motion's pair: itself, or the one before it."""
+    return {number: number - (direction - 1) for number, (_, _, direction) in records.items()}
+
+
+def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
+    """The cells of one run, those of stories that the building does not have empty."""
+    rest = [None] * (stories - len(rows))
+
+    def column(name: str) -> list[Any]:
+        return [row[_AT[name]] for row in rows]
+
+    heights = column("height_m")
+    roof = rows[-1][_AT["peak_displacement_m"]]
+    roof_ratio = roof / sum(heights) if all(heights) else None
+    return [
+        *(pga, *column("peak_absolute_acceleration_m_s2"), *rest),
+        *(*column("peak_drift_ratio"), *rest),
+        roof_ratio,
+        *(*column("peak_displacement_m"), *rest),
+    ]
+
+
+_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_acceleration")
+_DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
+_PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
+_STATUS = RUNS.columns.index("status")
+_OWN = ("building", "scale", "level", "runs", "collapsed", "failed")
+
+Feature = dict[str, Any]
+
+
+def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building without a place.
+
+    Properties are the columns of the inventory, the event of a field, the level (`scale`, and `level` as in
+    profiles.csv), how many motions there were and under how many the building collapsed or a run failed, and of the
+    demands the mean and the largest over the others: of a pair the larger component counts. Where damage is told, the
+    mean probability of each state and the mean loss ratio follow. What is not known is null.
+    The store must have places (`is_mapped`).
+    """
+    stream.write(b'{"type": "FeatureCollection", "features": [')
+    between = b"\n"
+    for feature in _features(store, units):
+        stream.write(between + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace"))
+        between = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def is_mapped(store: Store) -> bool:
+    """Whether its inventory has places."""
+    return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
+
+
+def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
+    from tdint.campaign.engine.runs import Run
+    from tdint.campaign.profiles import SuiteRules
+
+    titles = [title.lower() for title in store.inventory_columns()]
+    longitude, latitude = titles.index("longitude"), titles.index("latitude")
+    rules, properties, events = SuiteRules.of(store), _properties(store), store.events()
+    buildings, damages = store.buildings(), building_damages(store)
+    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        damage = next(damages, None)
+        runs = {Run(*row[1:4]): row for row in rows}
+        cells = store.carried(number)
+        geometry = _point(cells[longitude], cells[latitude])
+        for event in sorted({key.sample for key in runs}) if events else (0,):
+            head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
+            mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
+            for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
+                told = _damage(damage, rank, event) if damage else {}
+                found = head | _of_level(level) | _demands(level, mine, units) | told | properties(cells)
+                yield {"type": "Feature", "geometry": geometry, "properties": found}
+
+
+def _point(longitude: str, latitude: str) -> Feature | None:
+    """A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the equator."""
+    if not longitude or not latitude:
+        return None
+    east = float(longitude)
+    return {"type": "Point", "coordinates": [_digits((east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east),
+                                             _digits(float(latitude))]}  # fmt: skip
+
+
+def _of_level(level: SuiteLevel) -> Feature:
+    values = {"scale": level.scale, "level": level.value}
+    runs = len(level.stood) + level.collapsed + level.failed
+    known = {name: _digits(value) for name, value in values.items() if not math.isnan(value)}
+    return {**known, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
+
+
+def _demands(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
+    """Mean and largest of each demand; None without a motion, or without the demand (no heights, no ratio)."""
+    found: Feature = {}
+    for one, place in zip(_DEMANDS, _PLACES, strict=True):
+        column, factor = units.column(one.column, one.unit)
+        cells = [[runs[key][place] for key in keys] for keys in level.stood]
+        values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
+        found[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
+        found[f"max_{column}"] = _digits(max(values)) if values else None
+    return found
+
+
+def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
+    """Mean probability of each damage state and mean loss ratio over the runs of a level, of one event if not 0."""
+    mine = np.array([event in (0, sample) for _, _, sample in of.keys])
+    chosen = of.known & (of.rank == rank) & mine
+    means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
+    if of.states.losses:
+        means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
+    names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
+    return {name: None if mean is None else _digits(mean) for name, mean in zip(names, means, strict=True)}
+
+
+def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
+    """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
+    demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
+    outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if store.events() else 0 :]
+    kinds = numeric(store)
+
+    def properties(cells: Sequence[str]) -> Feature:
+        return {
+            name: (json.loads(text) if text else None) if is_number else text
+            for name, text, is_number in zip(columns, cells, kinds, strict=True)
+        }
+
+    return properties
+
+
+def _digits(value: float) -> float:
+    """Twelve significant digits, as in tables."""
+    return float(format(value + 0.0, ".12g"))
