@@ -94,20 +94,22 @@ def _write_all(stream: BinaryIO, data: bytes) -> None:
         rest = rest[written:]
 
 
-def say(text: str) -> None:
-    """Write a line to standard error, unless the command is asked to be quiet."""
+def say(*lines: str) -> None:
+    """Write lines to standard error, unless the command is asked to be quiet."""
     if not is_quiet():
-        complain(text)
+        for line in lines:
+            complain(line)
 
 
-def note(text: str) -> None:
-    """Say something that is good to know."""
-    say(f"note: {text}")
+def note(*texts: str) -> None:
+    """Say what is good to know."""
+    say(*(f"note: {text}" for text in texts))
 
 
-def warn(text: str) -> None:
-    """Say something that changes what a number means; nothing silences it."""
-    complain(f"Warning: {text}")
+def warn(*texts: str) -> None:
+    """Say what changes what a number means; nothing silences it."""
+    for text in texts:
+        complain(f"Warning: {text}")
 
 
 def complain(text: str, settings: Settings | None = None) -> None:

@@ -36,7 +36,9 @@ costs nothing; matplotlib loads with the first picture.
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.tabular import Tabular
@@ -99,73 +101,29 @@ if TYPE_CHECKING:
     init = first_model
     info = record_info
 
-_HOMES = {
-    "TextLayout": "tdint.ground_motion.text_layout",
-    "campaign": "tdint.campaign.carry_out",
-    "chart": "tdint.analysis.chart.work_precision",
-    "check": "tdint.analysis.run.overview:overview",
-    "compare": "tdint.analysis.comparison.compare",
-    "compile": "tdint.analysis.run.compilation:compile_model",
-    "constant_ductility": "tdint.analysis.spectra.inelastic",
-    "constant_strength": "tdint.analysis.spectra.inelastic",
-    "cyclic_test": "tdint.analysis.static.cyclic",
-    "drift_spectrum": "tdint.analysis.spectra.drift",
-    "examples": "tdint.analysis.assessment.paper_examples:run_examples",
-    "failures": "tdint.analysis.assessment.failures",
-    "fit_capacities": "tdint.campaign.fragility.fits",
-    "fit_cloud": "tdint.campaign.fragility.fits",
-    "fit_stripes": "tdint.campaign.fragility.fits",
-    "floor_spectra": "tdint.analysis.spectra.floors",
-    "fragility": "tdint.campaign.fragility.fit_table",
-    "ida": "tdint.campaign.ida.study",
-    "info": "tdint.output.tables.spectra:record_info",
-    "init": "tdint.model.first_model:first_model",
-    "inventory": "tdint.model.inventory.derive",
-    "law": "tdint.analysis.static.cyclic:cyclic_test",
-    "load_model": "tdint.model.config.model_file",
-    "load_plugin": "tdint.methods.catalogue",
-    "make_record": "tdint.ground_motion.reading.read",
-    "methods": "tdint.methods.catalogue:list_methods",
-    "modes": "tdint.analysis.run.overview",
-    "order": "tdint.analysis.assessment.order",
-    "overshoot": "tdint.analysis.assessment.overshoot",
-    "plot": "tdint.output.plotting",
-    "prepare": "tdint.analysis.run.run",
-    "process": "tdint.ground_motion.processing_steps",
-    "pushover": "tdint.analysis.static.pushover",
-    "read_horizontals": "tdint.ground_motion.reading.read",
-    "read_record": "tdint.ground_motion.reading.read",
-    "register_law": "tdint.model.laws",
-    "register_method": "tdint.methods.catalogue",
-    "rotated_spectrum": "tdint.analysis.spectra.rotated",
-    "run": "tdint.analysis.run.run",
-    "run_case": "tdint.analysis.run.run",
-    "run_many": "tdint.analysis.run_many",
-    "run_sequence": "tdint.analysis.sequence",
-    "scale": "tdint.campaign.suites.scaling",
-    "sensitivity": "tdint.campaign.sensitivity",
-    "spectrum": "tdint.analysis.spectra.elastic",
-    "stability": "tdint.analysis.assessment.stability",
-    "to_dict": "tdint.output.tables.to_dict",
-    "validate": "tdint.validation.cases",
-}
+
+def _declared() -> dict[str, tuple[str, str]]:
+    """Module and name there of all that a checker of types is told above: it stands there once, and loads on first
+    use."""
+    block = Path(__file__).read_text(encoding="utf-8").partition("if TYPE_CHECKING:\n")[2].partition("\n\n\n")[0]
+    homes = {name: (module, name) for module, name in re.findall(r"^    from (\S+) import (\w+)", block, re.M)}
+    others = {name: homes[called] for name, called in re.findall(r"^    (\w+) = (\w+)$", block, re.M)}
+    return {name: homes[name] for name in re.findall(r" as (\w+)$", block, re.M)} | others
+
+
+_HOMES = _declared()
 __all__ = ["__version__", *_HOMES]
 
-Tabular.tables = _HOMES["to_dict"]
-Tabular.figures = _HOMES["plot"]
-
-
-def _found(name: str) -> Any:
-    home, _, attribute = _HOMES[name].partition(":")
-    return getattr(import_module(home), attribute or name)
+Tabular.tables, Tabular.figures = _HOMES["to_dict"][0], _HOMES["plot"][0]
 
 
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
 
     def __getattr__(name: str) -> Any:
-        if name in _HOMES:
-            return _found(name)
-        raise AttributeError(f"module 'tdint' has no attribute {name!r}")
+        if name not in _HOMES:
+            raise AttributeError(f"module 'tdint' has no attribute {name!r}")
+        home, called = _HOMES[name]
+        return getattr(import_module(home), called)
 
 
 def __dir__() -> list[str]:

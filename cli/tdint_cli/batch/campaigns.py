@@ -66,8 +66,7 @@ def carry_out(
     with locked(folder):
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         store, remarks = _opened(folder, plan, overwrite)
-        for text in (*plan.notes, *remarks):
-            note(text)
+        note(*plan.notes, *remarks)
         with store:
             units = request.output_units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)

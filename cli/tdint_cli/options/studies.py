@@ -119,10 +119,8 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     if pairs and choice.component is not None:
         raise UsageError("--component names single components; leave it out with pairs")
     suite = suites.read_suite(records, choice, pairs.names if pairs else None)
-    for text in suite.notes:
-        note(text)
+    note(*suite.notes)
     if not suite.motions:
         raise Failures(suite.failures)
-    for text in dict.fromkeys(f"{record.source}: {text}" for record in suite.records for text in record.warnings):
-        warn(text)
+    warn(*dict.fromkeys(f"{record.source}: {text}" for record in suite.records for text in record.warnings))
     return suite

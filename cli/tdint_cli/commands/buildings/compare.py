@@ -247,18 +247,15 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
             + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
         )
-        for text in (*event.warnings, *one.response.warnings, *absolute_displacements(one)):
-            warn(text)
+        warn(*event.warnings, *one.response.warnings, *absolute_displacements(one))
     if fitted:
         values = [fitted_in(one, units) for one in fitted.values]
         changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in values]
         more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
         say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
-    for text in dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)):
-        note(text)
-    for text in fitted.notes if fitted else ():
-        note(text)
+    note(*dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)))
+    note(*(fitted.notes if fitted else ()))
 
 
 def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:

@@ -47,8 +47,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         carry_out(plan, engine, request, show=True)
         return
     store, _ = open_store(None, plan)
-    for text in plan.notes:
-        note(text)
+    note(*plan.notes)
     with store:
         units = request.output_units or model.output_units
         advance = advance_with_bar(plan, store, engine)

@@ -156,8 +156,7 @@ def _run(request: Request) -> None:
     say(_paragraph(response, _units(request)))
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
-    for text in response.warnings:
-        warn(text)
+    warn(*response.warnings)
     _remark(record, response.notes)
 
 
@@ -199,10 +198,8 @@ def _shocks(model: Model, request: Request) -> list[Record]:
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
     if record:
-        for text in record.warnings:
-            warn(f"{record.source}: {text}")
-    for text in notes:
-        note(text)
+        warn(*(f"{record.source}: {text}" for text in record.warnings))
+    note(*notes)
 
 
 def _check(request: Request) -> None:
@@ -289,8 +286,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
-        for text in notes:
-            note(text)
+        note(*notes)
     if picture := _picture(request):
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.runs.run_picture(_thinned(response), units)

@@ -102,12 +102,10 @@ def _run(request: Request) -> None:
                 warnings |= dict.fromkeys(outcome.warnings)
     if products:
         _deliver(request, products)
-    for text in warnings:
-        warn(text)
+    warn(*warnings)
     if outputs.picture and (left_out := _undrawn(products)):
         note(f"the picture shows the first components and leaves out {left_out} more")
-    for text in notes:
-        note(text)
+    note(*notes)
     if failures:
         raise Failures(failures)
 

@@ -109,10 +109,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     if together:
         _write(request, kind, Path(request.output) if request.output else None, together)
     remark = kind.remark(request, messages.longest_interval)
-    for text in messages.warnings:
-        warn(text)
-    for text in filter(None, (*messages.notes, remark)):
-        note(text)
+    warn(*messages.warnings)
+    note(*filter(None, (*messages.notes, remark)))
     if messages.failures:
         from tdint.ground_motion.pairing import told_once
 

@@ -123,19 +123,16 @@ def _run(request: Request) -> None:
     model = with_motion(load_model(request.model), request)
     record = model_record(model)
     if record:
-        for warning in record.warnings:
-            warn(f"{record.source}: {warning}")
+        warn(*(f"{record.source}: {warning}" for warning in record.warnings))
     with progress_bar(request.outputs.table is None) as progress:
         charts, left_out = _charts(request, model, record, progress)
     advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, charts, model, record, advice, notes)
-    for chart in charts:
-        say(_reference(request, chart))
+    say(*(_reference(request, chart) for chart in charts))
     if advice:
         _recommend(request, charts[0], advice)
-    for text in notes:
-        note(text)
+    note(*notes)
 
 
 def _check(request: Request) -> None:

@@ -116,5 +116,4 @@ def _measure(
 
 def _say_roundings(measured: list[ObservedOrder]) -> None:
     exact = dict.fromkeys(one.method for one in measured if math.isnan(one.order("displacement")))
-    for method in exact:
-        note(f"{method} has no order here: its errors are rounding")
+    note(*(f"{method} has no order here: its errors are rounding" for method in exact))

@@ -165,8 +165,7 @@ def _fragility(
         measure=given["measure"],
     )
     result = _fitted(table, request, by_type=by is not None)
-    for text in result.warnings:
-        warn(text)
+    warn(*result.warnings)
     if not result.functions:
         raise Failures(list(result.failures))
     units = outputs.units
@@ -177,8 +176,7 @@ def _fragility(
         tables.studies.fragility_table(functions, total=beta_model > 0.0),
         lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
     )
-    for text in [_count(functions)] if by else map(_words, functions):
-        say(text)
+    say(*([_count(functions)] if by else map(_words, functions)))
     for error in result.failures:
         complain(f"Warning: {error}")
 
@@ -204,8 +202,7 @@ def _write_model(functions: Sequence[Fragility], file: Path, states: Sequence[st
     from tdint.output.openquake import fragility_model, whole_types
 
     whole, partial = whole_types(functions) if functions[0].type else (functions, [])
-    for name in partial:
-        warn(f"{file}: without {name}, which has no function of some states")
+    warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
     model = fragility_model(whole, file.stem, states)
     write_files({file: model}, overwrite=overwrite)
 

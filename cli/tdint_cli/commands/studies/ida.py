@@ -314,8 +314,7 @@ def _report(study: IdaStudy, precision: float) -> None:
         note("nothing to do: all records were done")
     elif study.resumed:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
-    for text in study.remarks:
-        note(text)
+    note(*study.remarks)
     say(_words(study, len(runs)))
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:

@@ -220,8 +220,7 @@ def _scale(request: ScaleRequest) -> None:
         content = tables.studies.scaled_table(scaling).in_units(units).csv()
         write_files({spectra[0]: content}, overwrite=outputs.overwrite)
     say(_words(scaling, units))
-    for text in _doubts(scaling):
-        warn(text)
+    warn(*_doubts(scaling))
     if suite.failures:
         raise Failures(suite.failures)
 

@@ -112,8 +112,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     motions = read_motions(RecordFiles(request.records, request.choice))
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
-    for text in dict.fromkeys(plan.notes):
-        note(text)
+    note(*dict.fromkeys(plan.notes))
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         tell_outcomes(store)
