@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import click
@@ -126,9 +127,21 @@ def request(kind: type[Kind]) -> type[Kind]:
     return made
 
 
-def of(kind: type[Any]) -> Callable[[Function], Function]:
-    """The options that are declared in a request, not in those it is derived from."""
-    return lambda command: with_options(_OPTIONS[kind], command)
+def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options that are declared in a request, not in those it is derived from; the command gets the request, or
+    among others by a name."""
+
+    def declared(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def collected(**given: Any) -> Any:
+            if not among:
+                return command(kind(**given))
+            own = {one.name: given.pop(one.name) for one in fields(kind)}
+            return command(**given, **{among: kind(**own)})
+
+        return with_options(_OPTIONS[kind], collected)
+
+    return declared
 
 
 def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:

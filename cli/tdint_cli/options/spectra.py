@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -55,21 +54,6 @@ SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mea
 MOTIONS = "floors.mseed"
 """The files of floors, in the folder of -o."""
 
-floor_spectra = option(
-    "--floor-spectra",
-    type=click.STRING,
-    many=True,
-    metavar="FLOOR,...",
-    help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, or "
-    f"roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of several "
-    f"records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
-)
-export_floors = output.option(
-    "--export-floors",
-    type=click.Choice(["mseed"]),
-    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
-)
-
 
 def damping(needs: str = "") -> headings.Declaration:
     """The option --damping, of what it `needs`."""
@@ -84,16 +68,20 @@ def damping(needs: str = "") -> headings.Declaration:
     )
 
 
-def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function], Function]:
-    """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
-    several = option(
+def periods(default: str, needs: str = "") -> headings.Declaration:
+    """The option --periods."""
+    return option(
         "--periods",
         type=grid(),
         needs=needs,
         metavar="FIRST:LAST:COUNT",
         help=f"Periods in equal ratios, s; {default} by default, both ends included.",
     )
-    single = option(
+
+
+def period(zero: str = "", needs: str = "") -> headings.Declaration:
+    """The option --period; `zero` says what a period of 0 gives, if it may be asked for."""
+    return option(
         "--period",
         type=Number(0.0, min_open=not zero),
         many=True,
@@ -101,38 +89,37 @@ def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function
         metavar="SECONDS,...",
         help=f"Single periods; in place of --periods.{zero}",
     )
-    return lambda command: several(single(command))
 
 
-floor_damping = damping(needs="--floor-spectra")
-floor_periods = periods(
-    PERIODS, zero=" 0 gives the largest acceleration of the floor at the steps.", needs="--floor-spectra"
+export_floors = output.option(
+    "--export-floors",
+    type=click.Choice(["mseed"]),
+    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
 )
+_NEEDS = "--floor-spectra"
 
 
-@dataclass(frozen=True)
+@headings.request
 class FloorRequest:
-    """What a command line asks of the floors."""
+    """What a command line asks of the spectra of floors."""
 
-    floors: tuple[str, ...] | None
-    export: str | None
-    damping: tuple[float, ...]
-    periods: Grid | None
-    period: tuple[float, ...] | None
+    floors: tuple[str, ...] | None = option(
+        _NEEDS,
+        type=click.STRING,
+        many=True,
+        metavar="FLOOR,...",
+        help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, "
+        f"or roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of "
+        f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
+    )
+    damping: tuple[float, ...] = damping(_NEEDS)
+    periods: Grid | None = periods(PERIODS, _NEEDS)
+    period: tuple[float, ...] | None = period(" 0 gives the largest acceleration of the floor at the steps.", _NEEDS)
 
-    @classmethod
-    def taken_from(cls, given: dict[str, Any]) -> FloorRequest:
-        """What a command was given, taken out of it."""
-        names = {"floors": "floor_spectra", "export": "export_floors"}
-        return cls(**{one.name: given.pop(names.get(one.name, one.name), None) for one in fields(cls)})
-
-    def __bool__(self) -> bool:
-        return bool(self.floors or self.export)
-
-    def check(self, folder: str | None) -> None:
-        """Raise UsageError for files without a folder, and periods given in two ways."""
-        if self and not folder:
-            raise UsageError(f"{'--floor-spectra' if self.floors else '--export-floors'} writes a file: add -o DIR")
+    def check(self, folder: str | None, export: str | None = None) -> None:
+        """Raise UsageError for files, of spectra or motions, without a folder, and periods given in two ways."""
+        if (self.floors or export) and not folder:
+            raise UsageError(f"{_NEEDS if self.floors else '--export-floors'} writes a file: add -o DIR")
         if self.periods and self.period:
             raise UsageError("--periods and --period are given; leave one of them out")
 
@@ -180,10 +167,10 @@ class FloorRequest:
         return contents
 
     def files(
-        self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False
+        self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False, export: str | None = None
     ) -> tuple[dict[Path, Content], Sequence[str]]:
-        """The files in a folder and what they hold, tables in these units, a picture if one is wanted; and notes on
-        them."""
+        """The files in a folder and what they hold, tables in these units, a picture and motions if they are wanted;
+        and notes on them."""
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
@@ -196,7 +183,7 @@ class FloorRequest:
                 title = response.model.name
                 draw = partial(figures.demands.floor_picture, found, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
-        if self.export:
+        if export:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.export import to_mseed
 
@@ -204,3 +191,6 @@ class FloorRequest:
             files[folder / MOTIONS] = exported.content
             notes = exported.notes
         return files, notes
+
+
+of_floors = headings.of(FloorRequest, "of_floors")

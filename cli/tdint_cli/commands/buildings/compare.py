@@ -136,7 +136,7 @@ class Request:
 @options.command("compare")
 @options.building.model
 @options.of(Request)
-def command(**given: Any) -> None:
+def command(request: Request) -> None:
     """A building's result beside what was recorded in it.
 
     MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names.
@@ -146,10 +146,6 @@ def command(**given: Any) -> None:
     computed over that recorded, rms of the difference over that of the recording. With -o also the spectra of the
     floors' absolute accelerations.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.analysis.comparison.compare import compare
     from tdint.analysis.comparison.event import Event
     from tdint.analysis.comparison.fit import fit

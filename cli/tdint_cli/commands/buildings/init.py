@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -117,17 +117,13 @@ class Request:
 
 @options.command("init")
 @options.of(Request)
-def command(**given: Any) -> None:
+def command(request: Request) -> None:
     """A first model of a building, with comments, that runs as it is.
 
     FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground motion, FILE without its
     suffix and with -motion.txt, so that `tdint run FILE` shows something until you have a record. FILE may be -,
     standard output: that model vibrates freely, without a record.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     _check(request)
     if request.file == "-":
         emit(_model("building", request, None).encode())

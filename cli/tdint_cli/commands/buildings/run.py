@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from tdint.errors import UsageError
 from tdint.files import check_outputs, check_room, write_files
 from tdint.input_bytes import is_folder
@@ -23,8 +21,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.building import check_motion, with_motion
 from tdint_cli.options.headings import BESIDE
 from tdint_cli.options.output import check_picture, picture_file
-from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
-from tdint_cli.options.values import FileName
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.terminal import complain, note, say, warn
 
 if TYPE_CHECKING:
@@ -48,13 +45,10 @@ _TOLD = 5e-4
 
 @options.command("run")
 @options.building.model
-@click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
-@options.spectra.floor_spectra
-@options.spectra.floor_damping
-@options.spectra.floor_periods
+@options.spectra.of_floors
 @options.of(Request)
-def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
+def command(request: Request) -> None:
     """Response of a building in time: the peaks of each story.
 
     MODEL.yaml is a model file and RECORD a ground motion, as with --record; one of them may be -, standard input. The
@@ -71,25 +65,24 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
     campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
-    if record is not None and records:
-        raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
-    named = (record,) if record is not None else records
+    if request.record is not None and request.records:
+        raise UsageError(f"--record {request.record} and {request.records[0]} are given; leave one of them out")
+    named = (request.record,) if request.record is not None else request.records
     models = [one for one in named if one.lower().endswith((".yaml", ".yml"))]
     if models:
         raise UsageError(
             f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same records are a "
-            f"campaign, `buildings: {{models: [{', '.join([given['model'], *models])}]}}` (tdint campaign FILE -o DIR)"
+            f"campaign, `buildings: {{models: [{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
-    if given["method"] and "," in given["method"] and ":" not in given["method"]:
+    method = request.method
+    if method and "," in method and ":" not in method:
         raise UsageError(
-            f"--method {given['method']}: `tdint run` takes one; `tdint chart {given['model']} --method "
-            f"{given['method']}` compares methods, and --history of a call for each gives their histories"
+            f"--method {method}: `tdint run` takes one; `tdint chart {request.model} --method {method}` compares "
+            "methods, and --history of a call for each gives their histories"
         )
-    of_floors = FloorRequest.taken_from(given)
-    shocks = named if given["sequence"] else ()
-    if not shocks:
-        given["scale"] = tuple(dict.fromkeys(given["scale"] or ())) or None
-    request = Request(**given, record=named[0] if named else None, of_floors=of_floors, shocks=shocks)
+    shocks = named if request.sequence else ()
+    scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
+    request = replace(request, record=named[0] if named else None, scale=scale, shocks=shocks)
     if request.check is False and request.tolerance is not None:
         raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.sequence:
@@ -165,7 +158,7 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
 
     wanted: dict[str, Any] = {
         "dt": request.dt,
-        "history": bool(request.of_floors),
+        "history": bool(request.of_floors.floors or request.export_floors),
         "check": request.check,
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
@@ -207,7 +200,7 @@ def _check(request: Request) -> None:
     history = _history(request)
     if request.drift_limit is not None:
         raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
-    request.of_floors.check(request.output)
+    request.of_floors.check(request.output, request.export_floors)
     check_motion(replace(request, scale=None) if request.sequence else request)
     picture = _picture(request)
     if picture:
@@ -284,7 +277,9 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
         files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
+        of_floors, notes = request.of_floors.files(
+            response, Path(request.output), units, plot=request.plot is not None, export=request.export_floors
+        )
         files |= of_floors
         note(*notes)
     if picture := _picture(request):

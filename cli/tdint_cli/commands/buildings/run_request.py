@@ -18,9 +18,10 @@ STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png
 class Request(BuildingRequest, SuiteRequest):
     """The command line of `tdint run`."""
 
-    shocks: tuple[str, ...]
+    shocks: tuple[str, ...] = ()
     """The records of a sequence; none for a run of one."""
 
+    records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
     factors: str | None = options.record.option(
         type=FileName(),
         metavar="FILE",
@@ -57,8 +58,8 @@ class Request(BuildingRequest, SuiteRequest):
         default=1,
         metavar="COUNT",
         help="Every so many steps of --history, from the first one; every step by default.",
-        behind=[options.spectra.export_floors],
     )
+    export_floors: str | None = options.spectra.export_floors
     plot: str | None = options.output.plot(
         f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and "
         f"their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
@@ -98,11 +99,9 @@ class Request(BuildingRequest, SuiteRequest):
         UsageError
             One of them is given.
         """
-        for name in ("history", "tolerance", "allow_unstable"):
+        for name in ("history", "tolerance", "allow_unstable", "export_floors"):
             if getattr(self, name):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
             raise UsageError("--every is for one record and one scale; call it once for each")
-        if self.of_floors.export:
-            raise UsageError("--export-floors is for one record and one scale; call it once for each")
         self.of_floors.check(self.output)

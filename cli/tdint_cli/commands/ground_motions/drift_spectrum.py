@@ -10,6 +10,7 @@ import click
 from tdint.analysis.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
 from tdint.output import figures, tables
+from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, TablesRequest
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
@@ -28,6 +29,9 @@ _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 class DriftRequest(TablesRequest):
     """The command line of `tdint drift-spectrum`."""
 
+    damping: tuple[float, ...] = options.spectra.damping()
+    periods: Grid | None = options.spectra.periods(DRIFT_PERIODS)
+    period: tuple[float, ...] | None = options.spectra.period()
     stories: int | None = options.spectra.option(
         type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
     )
@@ -58,11 +62,9 @@ class DriftRequest(TablesRequest):
 
 @options.command("drift-spectrum")
 @options.record.of_records
-@options.spectra.damping()
-@options.spectra.periods(DRIFT_PERIODS)
-@options.of(DriftRequest)
 @options.spectra.tables_of_records()
-def command(**given: Any) -> None:
+@options.of(DriftRequest)
+def command(request: DriftRequest) -> None:
     """Drift spectra: the largest story drifts of shear buildings.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
@@ -76,7 +78,7 @@ def command(**given: Any) -> None:
     1997, and in ASCE 7 frames of steel with eccentric or buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment
     frames of steel and of concrete in ASCE 7; 0.0488,0.75 other buildings in both.
     """
-    make_tables(DriftRequest(**given), _DriftSpectra())
+    make_tables(request, _DriftSpectra())
 
 
 class _DriftSpectra(Kind):

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
 
 
-@dataclass(frozen=True)
+@options.request
 class Request(RecordsRequest):
     """The command line of `tdint info`."""
 
-    jobs: int
+    jobs: int = options.output.jobs
     outputs: Outputs
 
     @property
@@ -66,8 +66,8 @@ class Product:
 @options.output.to_files(
     "Write the table to this file instead of standard output, and what the records are to a JSON file beside it."
 )
-@options.output.jobs
-def command(**given: Any) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """What ground-motion records are and how strong.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
@@ -77,10 +77,6 @@ def command(**given: Any) -> None:
     was assumed or looks wrong. The measures are exact for a ground motion that is linear between its samples. The
     picture shows the first components. A record that fails does not keep the others from being done.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.ground_motion.reading.suites import records_of
 
     sources = records_of(request.records, request.layout)

@@ -24,11 +24,9 @@ _NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "a
 @options.command("spectrum")
 @options.record.of_records_if_any
 @options.record.one_scale
-@options.spectra.damping()
-@options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
-@options.of(SpectrumRequest)
 @options.spectra.tables_of_records(AXES)
-def command(**given: Any) -> None:
+@options.of(SpectrumRequest)
+def command(request: SpectrumRequest) -> None:
     """Response spectra of ground-motion records, elastic and inelastic.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
@@ -53,7 +51,6 @@ def command(**given: Any) -> None:
 
     --against makes another table, of one column of a published spectrum and what is computed at its periods.
     """
-    request = SpectrumRequest(**given)
     if not request.records:
         _write_target(request)
         return

@@ -148,6 +148,9 @@ class TablesRequest(RecordsRequest):
 class SpectrumRequest(TablesRequest):
     """The command line of `tdint spectrum`."""
 
+    damping: tuple[float, ...] = options.spectra.damping()
+    periods: Grid | None = options.spectra.periods(PERIODS)
+    period: tuple[float, ...] | None = options.spectra.period(" 0 gives the peak ground acceleration.")
     method: str | None = options.analysis.method
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),

@@ -61,6 +61,7 @@ class Request(BuildingRequest):
         help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
         "step unless --dt or --halvings is given.",
     )
+    duration: float | None = options.analysis.duration
     peers: bool = options.option(
         is_flag=True,
         help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
@@ -86,13 +87,12 @@ class Request(BuildingRequest):
 
 @options.command("chart")
 @options.building.model
-@options.of(Request)
 @options.record.of_record
-@options.analysis.duration
 @options.output.to_files(
     "Write the table to this file instead of standard output, and a .json file beside it.", in_units=False
 )
-def command(**given: Any) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Time against accuracy: what methods cost and how much they err on a building.
 
     MODEL.yaml is a model file, - is standard input. Each method integrates the building with each step. CSV: steps and
@@ -112,10 +112,6 @@ def command(**given: Any) -> None:
     the picture and to the .json file: smaller errors are not drawn. It is kept in TDINT_CACHE_DIR or the user's cache
     folder. Standard error also tells the cheapest method and step for an error of 1 % and 0.1 %.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     _check(request)
     from tdint.analysis.run.run import model_record
     from tdint.model.config.model_file import load_model

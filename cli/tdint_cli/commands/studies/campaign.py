@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,7 +16,6 @@ from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
 from tdint_cli.batch.profiles import REQUIRE, Profiles, SuiteRequest, drift_limit
 from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
-from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal import note, say, warn
 
@@ -94,7 +93,7 @@ class CampaignRequest(SuiteRequest):
         """Raise UsageError for options that the action does not take."""
         if self.report and "jobs" in names:
             raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
-        if self.of_floors and "jobs" in names:
+        if self.of_floors.floors and "jobs" in names:
             raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
         for name in (*names, *("im",) * ("jobs" in names)):
             if getattr(self, name) not in (None, False):
@@ -106,11 +105,9 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 @options.command("campaign")
 @options.analysis.plugin
-@options.spectra.floor_spectra
-@options.spectra.floor_damping
-@options.spectra.floor_periods
+@options.spectra.of_floors
 @options.of(CampaignRequest)
-def command(**given: Any) -> None:
+def command(request: CampaignRequest) -> None:
     """Runs of many buildings under many records at many levels.
 
     `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv,
@@ -121,8 +118,6 @@ def command(**given: Any) -> None:
     A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
     cannot be read are told, the others are done, and the exit code is 4.
     """
-    of_floors = FloorRequest.taken_from(given)
-    request = CampaignRequest(**given, of_floors=of_floors)
     _ACTIONS.get(request.words[0], _run)(request)
 
 

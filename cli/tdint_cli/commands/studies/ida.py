@@ -137,7 +137,7 @@ class IdaRequest(RecordsRequest):
 @options.building.model
 @options.record.of_records
 @options.of(IdaRequest)
-def command(**given: Any) -> None:
+def command(request: IdaRequest) -> None:
     """Incremental dynamic analysis: drift over intensity, up to collapse.
 
     MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal components are taken,
@@ -152,10 +152,6 @@ def command(**given: Any) -> None:
     CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
     drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
     """
-    _ida(IdaRequest(**given))
-
-
-def _ida(request: IdaRequest) -> None:
     from tdint.campaign.ida.study import IdaSettings, ida
     from tdint.model.config.model_file import load_model
 

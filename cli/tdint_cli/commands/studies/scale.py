@@ -173,13 +173,13 @@ _SPECTRA = options.output.option(
 @options.command("scale")
 @options.analysis.plugin
 @options.record.of_records
-@options.of(ScaleRequest)
 @options.output.to_files(
     picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside "
     "-o under its name.",
     more=[_SPECTRA],
 )
-def command(**given: Any) -> None:
+@options.of(ScaleRequest)
+def command(request: ScaleRequest) -> None:
     """Factors that scale ground motions to a value or to a target spectrum.
 
     RECORD is a file, or a folder for all records in it; horizontal components are taken one by one unless --component
@@ -190,10 +190,6 @@ def command(**given: Any) -> None:
     A record that fails does not keep the others from being done, unless the factors depend on the whole set (--p695,
     --rule asce7 and ec8).
     """
-    _scale(ScaleRequest(**given))
-
-
-def _scale(request: ScaleRequest) -> None:
     from tdint.output.summary import record_summary, table_summary
 
     request.check()
