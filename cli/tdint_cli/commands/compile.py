@@ -16,32 +16,30 @@ _SYSTEMS = ("linux", "macos", "windows")
 TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[:-1]  # Windows: x86-64 only
 
 
+@options.request
+class Request:
+    """The command line of `tdint compile`."""
+
+    models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1)
+    everything: bool = options.option("--all", is_flag=True, help="Compile all that there is, for any building.")
+    targets: tuple[str, ...] | None = options.option(
+        "--target",
+        many=True,
+        type=click.Choice(TARGETS),
+        metavar="NAME,...",
+        help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another "
+        f"system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
+    )
+    method: str | None = options.analysis.method_of("MODEL.yaml")
+    show: bool = options.option(is_flag=True, help="Tell for each loop which object is used; compile nothing.")
+    clean: bool = options.option(is_flag=True, help="Remove all compiled loops from the user's cache.")
+    output: str | None = options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
+
+
 @options.command("compile")
 @options.analysis.plugin
-@click.argument("models", metavar="[MODEL.yaml]...", nargs=-1)
-@options.headings.option("--all", "everything", is_flag=True, help="Compile all that there is, for any building.")
-@options.headings.option(
-    "--target",
-    "targets",
-    many=True,
-    type=click.Choice(TARGETS),
-    metavar="NAME,...",
-    help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another system "
-    f"behind {', '.join(_SYSTEMS)}: macos-aarch64.",
-)
-@options.analysis.method_of("MODEL.yaml")
-@options.headings.option("--show", is_flag=True, help="Tell for each loop which object is used; compile nothing.")
-@options.headings.option("--clean", is_flag=True, help="Remove all compiled loops from the user's cache.")
-@options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
-def command(
-    models: tuple[str, ...],
-    everything: bool,
-    targets: tuple[str, ...] | None,
-    method: str | None,
-    show: bool,
-    clean: bool,
-    output: str | None,
-) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Compile time loops ahead of their first use.
 
     tdint compiles what a building needs when it is first integrated: 5 to 20 s once. This does it before: for images,
@@ -49,29 +47,31 @@ def command(
     needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
     lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
     """
-    if clean:
+    if request.clean:
         from tdint.kernels.building import store
 
         say(f"{how_many(store.clean(), 'compiled time loop')} removed.")
-        if not (models or everything):
+        if not (request.models or request.everything):
             return
-    if not models and not everything:
+    if not request.models and not request.everything:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.compilation import of_everything, of_model
     from tdint.kernels.building.obtaining import compile_ahead, shown
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
 
-    wanted = of_everything() if everything else []
-    for file in models:
+    wanted = of_everything() if request.everything else []
+    for file in request.models:
         model = load_model(file)
-        wanted += of_model(model, parse(method or model.analysis.method or DEFAULT_METHOD))
-    if show:
+        wanted += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
+    if request.show:
         emit("".join(",".join(row) + "\n" for row in [("loop", "variant", "object"), *shown(wanted)]).encode())
         return
     with progress_bar(to_terminal=False) as progress:
-        folder = Path(output) if output else None
-        written = compile_ahead(wanted, targets or ("native",), folder, lambda part: progress("compiling", part))
+        folder = Path(request.output) if request.output else None
+        written = compile_ahead(
+            wanted, request.targets or ("native",), folder, lambda part: progress("compiling", part)
+        )
     if not written:
         say("All of it is compiled already.")
     else:

@@ -24,61 +24,51 @@ if TYPE_CHECKING:
 _POINTS = 200
 
 
+@options.request
+class Request:
+    """The command line of `tdint law`."""
+
+    model: str
+    outputs: Outputs
+    story: int = options.option(
+        type=click.IntRange(min=1),
+        default=1,
+        metavar="NUMBER",
+        help="The story to test, counted from the ground; 1 by default.",
+    )
+    drifts: tuple[DriftSize, ...] | None = options.option(
+        "--drift",
+        type=drift_size,
+        many=True,
+        once=False,
+        metavar="DRIFT,...",
+        help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, "
+        "in, ft), or multiples of the yield drift (4dy).",
+    )
+    cycles: int | None = options.option(
+        type=click.IntRange(min=1), metavar="COUNT", help="Cycles of each amplitude; 1 by default."
+    )
+    points: int | None = options.option(
+        type=click.IntRange(min=1), metavar="COUNT", help="Points of each quarter of a cycle; 200 by default."
+    )
+    path: str | None = options.option(
+        type=FileName(),
+        metavar="FILE",
+        help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
+        "standard input.",
+    )
+    units: str | None = options.option(
+        needs="--path",
+        type=click.Choice(["m", "dy"]),
+        help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
+    )
+
+
 @options.command("law")
 @options.building.model
-@options.option(
-    "--story",
-    type=click.IntRange(min=1),
-    default=1,
-    metavar="NUMBER",
-    help="The story to test, counted from the ground; 1 by default.",
-)
-@options.option(
-    "--drift",
-    "drifts",
-    type=drift_size,
-    many=True,
-    once=False,
-    metavar="DRIFT,...",
-    help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, in, "
-    "ft), or multiples of the yield drift (4dy).",
-)
-@options.option(
-    "--cycles",
-    type=click.IntRange(min=1),
-    metavar="COUNT",
-    help="Cycles of each amplitude; 1 by default.",
-)
-@options.option(
-    "--points",
-    type=click.IntRange(min=1),
-    metavar="COUNT",
-    help="Points of each quarter of a cycle; 200 by default.",
-)
-@options.option(
-    "--path",
-    type=FileName(),
-    metavar="FILE",
-    help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
-    "standard input.",
-)
-@options.option(
-    "--units",
-    needs="--path",
-    type=click.Choice(["m", "dy"]),
-    help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
-)
 @options.output.to_files()
-def command(
-    model: str,
-    story: int,
-    drifts: tuple[DriftSize, ...] | None,
-    cycles: int | None,
-    points: int | None,
-    path: str | None,
-    units: str | None,
-    outputs: Outputs,
-) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Cyclic test of one story: its force over imposed cycles of drift.
 
     MODEL.yaml is a model file, - is standard input. The story starts at rest; each cycle goes to the amplitude, to the
@@ -92,30 +82,30 @@ def command(
     stiffness), the energy dissipated, and the equivalent viscous damping ratio, energy / (4 pi secant stiffness drift^2
     / 2).
     """
-    if path is None and not drifts:
+    if request.path is None and not request.drifts:
         raise UsageError("no drift: give --drift, or a path of drifts by --path")
-    if path is not None:
-        for name, given in (("--drift", drifts), ("--cycles", cycles), ("--points", points)):
+    if request.path is not None:
+        for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
             if given:
                 raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
-        if path == model == "-":
+        if request.path == request.model == "-":
             raise UsageError("standard input already holds the model; give the path as a file")
     from tdint.analysis.static.cyclic import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 
-    each = cycles or 1
-    if path is None:
-        building = load_model(model)
-        test = cyclic_test(building, story, drifts or (), cycles=each, points=points or _POINTS)
+    each = request.cycles or 1
+    if request.path is None:
+        building = load_model(request.model)
+        test = cyclic_test(building, request.story, request.drifts or (), cycles=each, points=request.points or _POINTS)
     else:
-        imposed = read_drift_path(path)
-        building = load_model(model)
-        test = path_test(building, story, imposed, in_yield_drifts=units == "dy")
-    outputs = outputs.else_in(building.output_units)
+        imposed = read_drift_path(request.path)
+        building = load_model(request.model)
+        test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
+    outputs = request.outputs.else_in(building.output_units)
     shown = outputs.shown_units
     outputs.deliver(tables.buildings.cyclic_table(test), lambda: figures.statics.cyclic_picture(test, shown))
     say(_paragraph(test, shown))
-    if path is None:
+    if request.path is None:
         say_table([_header(shown), *(_row(test, cycle, shown) for cycle in test.cycles[each - 1 :: each])])
     else:
         say(_ends(test, shown))

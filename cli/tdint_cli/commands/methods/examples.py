@@ -25,35 +25,33 @@ _CONFIRMS = "gauss4"
 _WIDTH = 100
 
 
+@options.request
+class Request:
+    """The command line of `tdint examples`."""
+
+    numbers: tuple[str, ...] = options.argument("[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"]))
+    methods: tuple[str, ...] = options.analysis.methods("the paper's seven")
+    dts: tuple[float, ...] | None = options.analysis.option(
+        "--dt",
+        type=Number(1e-3, 0.1),
+        many=True,
+        metavar="SECONDS,...",
+        help="Time steps; the paper's 0.02 if there is none. The figures show the first one.",
+    )
+    reference: str = options.analysis.option(
+        type=click.Choice(["paper", "finer"]),
+        default="paper",
+        help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s (examples 1, 2) or 0.002 s "
+        "(3), by default, or rk5 with steps 8 times finer. The table has the errors against both.",
+    )
+    output: str | None = options.output.output("DIR", "Also write the tables and figures into this folder.")
+    overwrite: bool = options.output.overwrite
+
+
 @options.command("examples")
 @options.analysis.plugin
-@click.argument("numbers", nargs=-1, type=click.Choice(["1", "2", "3"]), metavar="[1|2|3]...")
-@options.analysis.methods("the paper's seven")
-@options.analysis.option(
-    "--dt",
-    "dts",
-    type=Number(1e-3, 0.1),
-    many=True,
-    metavar="SECONDS,...",
-    help="Time steps; the paper's 0.02 if there is none. The figures show the first one.",
-)
-@options.analysis.option(
-    "--reference",
-    type=click.Choice(["paper", "finer"]),
-    default="paper",
-    help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s (examples 1, 2) or 0.002 s "
-    "(3), by default, or rk5 with steps 8 times finer. The table has the errors against both.",
-)
-@options.output.output("DIR", "Also write the tables and figures into this folder.")
-@options.output.overwrite
-def command(
-    numbers: tuple[str, ...],
-    methods: tuple[str, ...],
-    dts: tuple[float, ...] | None,
-    reference: str,
-    output: str | None,
-    overwrite: bool,
-) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """The examples of the paper of 2022: errors of its methods, and its figures.
 
     Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150 masses. All three if none
@@ -71,24 +69,26 @@ def command(
     """
     from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
 
-    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(numbers)) or map(str, examples())]
-    folder = Path(output) if output else None
+    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
+    folder = Path(request.output) if request.output else None
     if folder:
         outputs = [folder / name for example in wanted for name in _names(example)]
-        check_outputs(outputs, overwrite=overwrite)
-    integrators = options.analysis.integrators(methods) if methods else default_integrators()
-    steps = dts or (DT,)
+        check_outputs(outputs, overwrite=request.overwrite)
+    integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
+    steps = request.dts or (DT,)
     runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in wanted}
     if folder:
         files = {
-            folder / name: writer for example in wanted for name, writer in _files(example, runs[example], reference)
+            folder / name: writer
+            for example in wanted
+            for name, writer in _files(example, runs[example], request.reference)
         }
         stale = [file for file in outputs if file not in files]
-        write_files(files, overwrite=overwrite, stale=stale)
-    emit_table(tables.methods.example_table([run for example in wanted for run in runs[example]], reference))
-    usual = not methods and steps[0] == DT
+        write_files(files, overwrite=request.overwrite, stale=stale)
+    emit_table(tables.methods.example_table([run for example in wanted for run in runs[example]], request.reference))
+    usual = not request.methods and steps[0] == DT
     for example in wanted:
-        _say_example(example, [run for run in runs[example] if run.dt == steps[0]], reference, remark=usual)
+        _say_example(example, [run for run in runs[example] if run.dt == steps[0]], request.reference, remark=usual)
 
 
 def _names(example: Example) -> list[str]:

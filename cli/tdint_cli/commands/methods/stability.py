@@ -24,39 +24,39 @@ _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
 _DRAWN = options.analysis.DRAWN
 
 
+@options.request
+class Request:
+    """The command line of `tdint stability`."""
+
+    draw_all: bool
+    outputs: Outputs
+    methods: tuple[str, ...] = options.analysis.all_methods
+    damping: tuple[float, ...] = options.analysis.option(
+        type=options.analysis.damping_ratio,
+        many=True,
+        default=(0.0,),
+        metavar="RATIO,...",
+        help="Damping ratios of the oscillator; 0 by default.",
+    )
+    dt_over_t: Grid = options.analysis.option(
+        type=grid(*options.analysis.DT_OVER_T),
+        default=_STEPS,
+        metavar="FIRST:LAST:COUNT",
+        help=f"Steps over the undamped period in equal ratios, both ends included, or a single one; {_STEPS} by "
+        "default.",
+    )
+    beta_scan: bool = options.option(
+        is_flag=True,
+        help=f"Add (without --method: take) impulse with beta {', '.join(_SCANNED)}, and {_BAND[2]} steps with omega "
+        f"dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
+    )
+
+
 @options.command("stability")
 @options.analysis.plugin
-@options.analysis.all_methods
-@options.analysis.option(
-    "--damping",
-    type=options.analysis.damping_ratio,
-    many=True,
-    default=(0.0,),
-    metavar="RATIO,...",
-    help="Damping ratios of the oscillator; 0 by default.",
-)
-@options.analysis.option(
-    "--dt-over-t",
-    type=grid(*options.analysis.DT_OVER_T),
-    default=_STEPS,
-    metavar="FIRST:LAST:COUNT",
-    help=f"Steps over the undamped period in equal ratios, both ends included, or a single one; {_STEPS} by default.",
-)
-@options.option(
-    "--beta-scan",
-    is_flag=True,
-    help=f"Add (without --method: take) impulse with beta {', '.join(_SCANNED)}, and {_BAND[2]} steps with omega dt in "
-    f"{_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
-)
 @options.output.to_files(more=[options.analysis.draw_all(_DRAWN)], in_units=False)
-def command(
-    methods: tuple[str, ...],
-    damping: tuple[float, ...],
-    dt_over_t: Grid,
-    beta_scan: bool,
-    draw_all: bool,
-    outputs: Outputs,
-) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Spectral radius, period error and numerical damping of methods over dt/T.
 
     Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV: spectral radius of the
@@ -69,17 +69,18 @@ def command(
 
     from tdint.analysis.assessment.stability import stability
 
-    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if beta_scan else ()
-    integrators = options.analysis.integrators((*methods, *scanned))
-    steps = dt_over_t.values()
-    if beta_scan:
+    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
+    integrators = options.analysis.integrators((*request.methods, *scanned))
+    steps = request.dt_over_t.values()
+    if request.beta_scan:
         steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
-    curves = [stability(integrator, steps, ratio) for integrator in integrators for ratio in damping]
-    shown = curves if draw_all or methods or scanned else options.analysis.drawn(curves, _DRAWN)
-    outputs.deliver(
-        tables.methods.stability_table(curves), lambda: figures.assessment.stability_picture(shown, band=beta_scan)
+    curves = [stability(integrator, steps, ratio) for integrator in integrators for ratio in request.damping]
+    shown = curves if request.draw_all or request.methods or scanned else options.analysis.drawn(curves, _DRAWN)
+    request.outputs.deliver(
+        tables.methods.stability_table(curves),
+        lambda: figures.assessment.stability_picture(shown, band=request.beta_scan),
     )
-    _say_critical_steps(integrators, damping)
+    _say_critical_steps(integrators, request.damping)
 
 
 def _say_critical_steps(integrators: list[Integrator], dampings: Sequence[float]) -> None:
