@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.comparison.compare import absolute_displacements
 from tdint.analysis.defaults import QUANTITIES
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.tables.buildings import comparison_table, fitted_table
 from tdint.output.tables.table import converted, describe, described_in
 from tdint.output_units import SI, OutputUnits
 from tdint.version import version_of_sources
@@ -30,8 +28,6 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.fit import Fit
     from tdint.campaign.store.store import Store
-    from tdint.model.definition import Model
-
 
 _SCHEMA = 1
 
@@ -314,6 +310,8 @@ def comparison_summary(
     units : OutputUnits
         Of the fitted values, whose names say them; the keys' units are those of `in_units`.
     """
+    from tdint.output.tables.buildings import comparison_table
+
     return {
         "schema": schema("compare"),
         "name": model.name,
@@ -331,6 +329,8 @@ def _inputs(one: Comparison) -> list[Any]:
 
 
 def _event(one: Comparison) -> dict[str, Any]:
+    from tdint.analysis.comparison.compare import absolute_displacements
+
     event, response = one.event, one.response
     return {
         "name": event.recording.name,
@@ -360,6 +360,8 @@ def _event(one: Comparison) -> dict[str, Any]:
 def _fit(fitted: Fit | None, units: OutputUnits) -> dict[str, Any] | None:
     if fitted is None:
         return None
+    from tdint.output.tables.buildings import fitted_table
+
     table = fitted_table(fitted.values, units)
     values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     return {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tdint.ground_motion.header_checks.statement import CHECKSUM, LENGTH, PEAK, SAMPLES, Damaged, Statement
+from tdint.written_numbers import how_many
 
 # SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
 
@@ -155,7 +156,7 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
         raise Damaged("a character among the data is none of the compression's")
     got = len(_CM6_LAST.findall(samples))
     if got != count:
-        raise Damaged(f"its header states {count} samples, there are {got}")
+        raise Damaged(f"its header states {how_many(count, 'sample')}, there are {got}")
 
 
 # Texts: SLIST and TSPAIR, Seismic Handler's ASCII, K-NET.
