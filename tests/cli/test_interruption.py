@@ -15,8 +15,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from tdint.files import write_file
-from tdint_cli.errors import exit_code_of
-from tdint_cli.errors import end_in_time
+from tdint_cli.errors import end_in_time, exit_code_of
 from tdint_cli.terminal import Settings
 
 def write(stream):
@@ -51,9 +50,8 @@ def test_a_signal_ends_the_command_inside_of_a_library(tmp_path, number, code, w
 LINGERING = """
 import sys, time
 from concurrent.futures import ThreadPoolExecutor
-from tdint_cli.errors import exit_code_of
-from tdint_cli.interruption import end_in_time
-from tdint_cli.settings import Settings
+from tdint_cli.errors import end_in_time, exit_code_of
+from tdint_cli.terminal import Settings
 
 def command():
     ThreadPoolExecutor().submit(time.sleep, 20)
