@@ -146,7 +146,7 @@ class RowBuilding:
         model = replace(
             bare, source="", damping=derived.damping, p_delta=rules.p_delta, collapse_drift=rules.collapse_drift
         )
-        return Subject(model.replace(**dict(self.row.changes)) if self.row.changes else model, rules.method)
+        return Subject(model.changed(dict(self.row.changes)) if self.row.changes else model, rules.method)
 
     @property
     def name(self) -> str:

@@ -126,7 +126,7 @@ class ParameterSweep:
         changes = self.changes()
         return tuple(
             replace(
-                model.replace(**change),
+                model.changed(change),
                 analysis=replace(model.analysis, method=method or model.analysis.method, dt=dt or model.analysis.dt),
                 label=self._label(change, number, method, dt),
             )

@@ -271,10 +271,13 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
-        model, numbers = self, dict[str, float]()
-        for name, given in changes.items():
+        return self.changed({name: _number(name, given) for name, given in changes.items()})
+
+    def changed(self, numbers: Mapping[str, float]) -> Model:
+        """The same of numbers by name."""
+        model = self
+        for name, value in numbers.items():
             check_parameter(name)
-            numbers[name] = value = _number(name, given)
             check_value(name, value)
             if name == "damping":
                 model = replace(model, damping=_damped(model, value))
@@ -291,8 +294,7 @@ class Model:
         for number, story in enumerate(model.stories, start=1):
             if fault := LAWS[story.law.name].fault(story.stiffness, story.law.parameters):
                 raise UsageError(f"{model.name}: story {number} cannot be varied so: {fault}")
-        before = dict(model.varied)
-        return replace(model, varied=tuple((before | numbers).items()))
+        return replace(model, varied=tuple({**dict(model.varied), **numbers}.items()))
 
     def __repr__(self) -> str:
         count = len(self.stories)
@@ -380,7 +382,8 @@ def check_parameter(name: str) -> None:
 
 
 def _number(name: str, given: float | str) -> float:
-    """A number, or that of a text such as `2%`."""
+    """The number of a parameter, or that of a text such as `2%`."""
+    check_parameter(name)
     try:
         return parse_ratio(given) if isinstance(given, str) else float(given)
     except (TypeError, ValueError):
