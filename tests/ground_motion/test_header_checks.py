@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import struct
+from contextlib import nullcontext
 from datetime import timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.header_checks.exchange import (
     gse_statements,
+    knet_statements,
     look_at_gse,
     look_at_sac,
     look_at_timeseries,
@@ -621,3 +624,24 @@ def test_the_same_file_gives_the_same_samples(tmp_path):
 
 def test_damaged_is_a_record_error():
     assert issubclass(Damaged, RecordError)
+
+
+@pytest.mark.parametrize(("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)])
+def test_peaks_of_knet_are_without_the_offset(off, remarked):
+    """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib` m/s^2."""
+    samples = counts(1000) + 777
+    one = trace(samples, calib=2e-5)
+    peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0
+    one.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + off))
+    number, found = knet_statements(None, [one])
+    assert (number.stated, number.found) == (1000, 1000)
+    assert found.found == pytest.approx(peak)
+    with pytest.warns(UserWarning, match="states a peak of") if remarked else nullcontext():
+        assert compare([number, found]) == ("number of samples", "peak")
+    for length in (0.0, float("nan"), -1.0):
+        one.stats.knet.duration = length
+        with pytest.raises(Damaged, match="its header gives no length that a record can have"):
+            knet_statements(None, [one])
+    del one.stats["knet"]
+    with pytest.raises(Damaged, match="its header has no end"):
+        knet_statements(None, [one])

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
 from tdint.kernels.building.compiler import called, objects_of, specialized
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.obtaining import compile_ahead, obtain
+from tdint.kernels.building.process import Compilation
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.methods.catalogue import parse as parse_method
@@ -331,3 +333,49 @@ def test_without_the_compiler_a_loop_that_is_not_there_is_named(small):
     caught = "except tdint.errors.AnalysisError as error:\n    print(error)\n"
     said = python(hidden + call + caught, small, TDINT_CACHE_DIR=str(small / "cache"))
     assert "small:scaled: not among the compiled loops that came with tdint; to compile, install numba" in said
+
+
+def test_why_a_kernel_of_another_module_cannot_be_compiled():
+    """What numba says behind its heading, and the last line of the module's own file that it names."""
+    kernel = SimpleNamespace(name="small_kernel:scaled", function=started, parts=())
+    wanted = Compilation(kernel, EVERYTHING, {})
+    own = wanted.request[1]
+    name = Path(own).name
+    text = [
+        "Traceback",
+        f'  File "/a/b/{name}", line 3, in scaled',
+        f'  File "C:\\a\\{name}", line 17, in scaled',
+        '  File "/a/b/other.py", line 99, in scaled',
+        "Failed in nopython mode pipeline",
+        "  ",
+        "  cannot unify float64 and int64  ",
+        "During: typing of assignment",
+    ]
+    assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
+    assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
+    assert wanted.reason(["NameError", "name 'x' is not defined"]) == f"{own}: name 'x' is not defined"
+    assert wanted.reason(["one line"]) == f"{own}: one line"
+    assert wanted.reason([]) == ""
+    package = Compilation(SimpleNamespace(name="a:b", function=of_model, parts=()), EVERYTHING, {})
+    assert package.request == ("a:b", None)
+    assert package.reason(text) == text[-1] and package.reason([]) == ""
+
+
+def test_what_is_said_of_what_is_compiled(monkeypatch):
+    """Loops by their modules, those with laws with the laws; the time is that of the longest, or of all shared out."""
+
+    def kernel(name, *parts):
+        return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)
+
+    one, two = Variant(("bilinear",)), Variant(("bilinear", "gap"))
+    shown = [obtaining._shown((kernel("a.b", "laws"), variant)) for variant in (one, two, EVERYTHING)]
+    assert shown == ["b (bilinear)", "b (bilinear, gap)", "b (all laws)"]
+    assert obtaining._shown((kernel("a.c"), two)) == "c"
+    monkeypatch.setattr(obtaining, "processors", lambda: 2)
+    alone = [obtaining.duration([(kernel("b", "laws"), variant)]) for variant in (one, two, EVERYTHING)]
+    assert alone == sorted(alone) and len(set(alone)) == 3
+    many = Variant(("bilinear", "gap", "imk", "tanh"))
+    assert obtaining.duration([(kernel("b", "laws"), many)]) == alone[2]
+    assert obtaining.duration([(kernel("b"), EVERYTHING)]) == alone[0]
+    assert obtaining.duration([(kernel("b", "laws"), two)] * 8) == 4 * alone[1]
+    assert obtaining.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), one)]) == alone[2]

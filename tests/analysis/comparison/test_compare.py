@@ -12,7 +12,7 @@ import pytest
 from building_cases import LINEAR, Force, Law, model, story
 from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare, parse_requirement
 from tdint.analysis.comparison.event import Event, _common
-from tdint.analysis.comparison.fit import _SCAN, _STARTS, _STIFFNESS, _starts, fit
+from tdint.analysis.comparison.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
 from tdint.analysis.comparison.fit import _smoothed as smoothed
 from tdint.analysis.run.run import prepare, run_case
 from tdint.errors import AnalysisError, RecordError, UsageError
@@ -21,7 +21,7 @@ from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal
 from tdint.model.config.model_file import load_model
-from tdint.model.definition import ModalDamping
+from tdint.model.definition import ModalDamping, RayleighCoefficients
 from tdint.model.recorded import load_recording
 
 DT, SIZE = 0.02, 1500
@@ -446,3 +446,26 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
     mean, lead = _common(signals, "floor 1", {})
     assert lead == pytest.approx(0.05)
     np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])
+
+
+def test_a_run_without_a_result_is_as_far_off_as_any():
+    """Its differences have the same size in both measures, whatever floors and samples there are."""
+    event = SimpleNamespace(count=77, floors=(1, 2))
+    problem = SimpleNamespace(_event=event, computed=lambda logarithms: None)
+    temporal, spectral = _Problem.temporal(problem, None), _Problem.spectral(problem, None)
+    assert temporal.shape == (77,)
+    assert math.sqrt(np.sum(temporal**2)) == pytest.approx(10.0)
+    assert math.sqrt(np.mean(spectral**2)) == pytest.approx(10.0)
+    assert spectral.size % 2 == 0
+
+
+def test_coefficients_of_rayleigh_are_fitted_within_a_thousand_times():
+    for mass, stiffness in ((0.3, 2e-3), (0.3, 0.0), (0.0, 2e-3)):
+        free = _damping(RayleighCoefficients(mass, stiffness))
+        given = [
+            (name, value)
+            for name, value in (("mass_coefficient_1_s", mass), ("stiffness_coefficient_s", stiffness))
+            if value
+        ]
+        assert [(one.name, one.start) for one in free] == given
+        assert all(one.bounds == pytest.approx((one.start / 1e3, one.start * 1e3)) for one in free)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from tdint import run
 from tdint.analysis.run import prepared
+from tdint.analysis.run.case import _runaway_story
 from tdint.analysis.run.outcome import FailedRun
+from tdint.kernels import layout as at
 from tdint.units import STANDARD_GRAVITY
 
 TIMES = np.linspace(0.0, 2.0, 201)
@@ -163,3 +167,14 @@ def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
     assert np.array_equal(whole.history.ground_acceleration, record.acceleration)
     assert np.max(np.abs(whole.history.energy.error)) > 1e-6
     assert small.history.energy.error == pytest.approx(whole.history.energy.error, rel=1e-6, abs=1e-12)
+
+
+def test_the_story_that_runs_away_is_that_with_the_largest_drift():
+    """The first one that is no number before all others; the last value of a state is the ground's."""
+    for displacements, number in (
+        ([1.0, -2.0, -2.5], 2), ([4.0, 5.0, 6.0], 1), ([0.1, 0.2, 3.0], 3), ([1.0, np.inf, np.nan], 2),
+        ([np.nan, 1e9, 0.0], 1), ([0.0, 0.0, -np.inf], 3),
+    ):  # fmt: skip
+        state = np.zeros((5, 4))
+        state[at.DISPLACEMENT] = [*displacements, 1e99]
+        assert _runaway_story(SimpleNamespace(state=state)) == number

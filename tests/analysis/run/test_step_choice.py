@@ -12,7 +12,7 @@ from tdint import prepare, run, run_case
 from tdint.analysis.run import prepared, step_choice
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.step_choice import choose_step, step_within
+from tdint.analysis.run.step_choice import _least_drifts, choose_step, step_within
 from tdint.analysis.run.steps import Bound
 from tdint.errors import UsageError
 
@@ -244,3 +244,28 @@ def test_a_step_that_is_too_long_is_told_by_the_next_one_of_the_row():
     off = np.max(np.abs(response.stories.peak_drift / truth - 1.0))
     assert off == pytest.approx(check.drift_error, rel=0.2)
     assert np.max(np.abs(check.corrected.peak_drift / truth - 1.0)) < check.drift_left < 0.1 * off
+
+
+@pytest.mark.parametrize("method", ["newmark-average", "impulse4"])
+def test_steps_over_several_samples_go_as_far_as_the_tolerance(method):
+    """Whatever the tolerance: twice the step is beyond it, or beyond a quarter of the first period."""
+    record, case = noise(), prepare(oscillator(2.0 * np.pi / 0.5, 0.05), noise(), method=method)
+    found = set()
+    for tolerance in np.geomspace(0.003, 0.3, 9):
+        step = step_within(case, tolerance)
+        found.add(round(step / record.dt))
+        assert run_case(case, dt=step, check=True).check.drift_error <= tolerance
+        if 2.0 * step <= 0.5 / 4.0:
+            assert run_case(case, dt=2.0 * step, check=True).check.drift_error > tolerance
+    assert len(found) >= 2
+
+
+def test_the_least_drifts_are_parts_of_those_of_the_first_mode():
+    """Of one story a quarter of its own peak drift without yielding; where no spectrum reaches, of pga / omega^2."""
+    record = noise()
+    for omega, xi in ((6.0, 0.05), (20.0, 0.02)):
+        case = prepare(oscillator(omega, xi), record, method="moment4")
+        peak = run(oscillator(omega, xi), record, method="exact").stories.peak_drift
+        np.testing.assert_allclose(_least_drifts(case), step_choice._LEAST * peak, rtol=1e-3)
+    stiff = prepare(oscillator(1e7), record, method="moment4")
+    np.testing.assert_allclose(_least_drifts(stiff), step_choice._LEAST * record.pga / 1e14)
