@@ -89,3 +89,52 @@ def test_what_the_schema_refuses_the_reader_refuses(tmp_path: Path, text: str) -
         file.write_text(json.dumps(case))
         with pytest.raises(ModelError):
             load_campaign(file)
+
+
+VALUES = {
+    "rules": "mdof-lu", "classes": "a.csv", "as_published": "true", "units": "{length: m}", "damping": "full",
+    "stiffness_scatter": "0.1", "damping_scatter": "0.1", "seed": "1", "files": "[a.csv]", "pairs": "true",
+    "component": "HNE", "fields": "f.csv", "sites": "s.csv", "distance": "5 km", "sequences": "q.csv", "rest": "5",
+    "neighbors": "4", "samples": "3", "events": "true", "period": "1", "levels": "[0.1 g]", "pair": "rotd50",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("section", "given", "refused", "said"),
+    [
+        ("buildings", "models: [a.yaml]",
+         "rules classes as_published units damping stiffness_scatter damping_scatter seed", "belongs to an `inventory`"),
+        ("buildings", "inventory: a.csv, units: {length: m}", "classes as_published", "belongs to the rules capacity"),
+        ("buildings", "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
+         "damping stiffness_scatter damping_scatter seed", "has no part in capacity"),
+        ("records", "grid: g.csv, units: g, neighbors: 4, samples: 3", "files pairs component fields sites sequences rest",
+         "belongs to `files`, `sequences` or `fields`, not to a `grid`"),
+        ("records", "grid: g.csv, units: g, events: true", "neighbors samples seed", "has no part in `events`"),
+        ("records", "files: [a.csv]", "neighbors samples seed events", "belongs to a `grid`"),
+        ("records", "files: [a.csv]", "sites", "belongs to `fields`"),
+        ("records", "files: [a.csv]", "distance", "belongs to `fields` or a `grid`"),
+        ("records", "files: [a.csv]", "rest", "belongs to `sequences`"),
+        ("records", "fields: f.csv", "files sequences rest", "has no part in `fields`"),
+        ("records", "fields: f.csv", "distance", "has nothing to act on without `sites`"),
+        ("records", "sequences: q.csv", "files pairs", "has no part in `sequences`"),
+        ("intensity", "scales: [1]", "period damping levels pair", "belongs to a `measure`"),
+        ("intensity", "factors: f.csv", "period damping levels pair", "belongs to a `measure`"),
+    ],
+)  # fmt: skip
+def test_keys_that_belong_to_others(tmp_path: Path, section: str, given: str, refused: str, said: str) -> None:
+    """Each of them is refused where it stands; what is given without them is not."""
+    whole = {"buildings": "models: [model.yaml]", "records": "files: [a.csv]", "intensity": "scales: [1]"}
+    file = tmp_path / "study.yaml"
+
+    def faults(text: str) -> str:
+        file.write_text("".join(f"{name}: {{{text if name == section else of}}}\n" for name, of in whole.items()))
+        try:
+            load_campaign(file)
+        except ModelError as error:
+            return str(error)
+        return ""
+
+    assert faults(given) == ""
+    for key in refused.split():
+        value = "0.05" if key == "damping" and section == "intensity" else VALUES[key]
+        assert f"{section}.{key}: {said}" in faults(f"{given}, {key}: {value}"), key

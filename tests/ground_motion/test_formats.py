@@ -2,6 +2,7 @@
 
 import io
 import re
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from ground_motion import format_files as files
 from ground_motion.format_files import motion
 from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
+from tdint.ground_motion.formats import usgs
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.processing_steps import process
@@ -415,3 +417,54 @@ class TestLargeFiles:
     def test_endless_words(self):
         refused("NPTS= 9, DT= .01\n" + "1 " * 9 + "\n" + "2" * 200_000 + "\n", "more|cut off|stands where|damaged")
         refused("NPTS= 9, DT= .01\n1 " + "2" * 200_000 + "\n", "unknown format|stands where|cut off")
+
+
+class TestNumbersOfSmc:
+    """The 48 integers and 50 reals by their places in the format's description; the first of each says: not known."""
+
+    @pytest.mark.parametrize(
+        ("vertical", "azimuth", "name"),
+        [
+            (90, 0, "0"),
+            (90, 270, "270"),
+            (90, -99, ""),
+            (0, -99, "UP"),
+            (180, 45, "DOWN"),
+            (-99, 45, "45"),
+            (-99, -99, ""),
+        ],
+    )
+    def test_component(self, vertical, azimuth, name):
+        integers = [-99.0] + 47 * [7.0]
+        integers[12:14] = [vertical, azimuth]
+        assert usgs._component(integers) == name
+        upwards = [0.0] + 47 * [7.0]
+        upwards[12:14] = [0.0, 30.0]
+        assert usgs._component(upwards) == "30"
+
+    def test_peak(self):
+        for largest, smallest, peak in ((3.0, -5.0, 5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)):
+            reals = [1e38] + 49 * [77.0]
+            reals[29], reals[31] = largest, smallest
+            found = usgs._peak(reals, "cm/s^2")
+            assert (found and (found.value, found.rounding, found.units)) == (
+                peak and (peak, pytest.approx(1e-4 * peak), "cm/s^2")
+            )
+
+    @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
+    def test_start(self, told):
+        """By the day of the year, or by month and day where that is near the day that the text tells."""
+        texts = ["", told, "x"]
+        by_day = [-99.0, 1994.0, 17.0, 12.0, 30.0, 55.0, 250.0, 99.0]
+        assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)
+        by_month = [-99.0, 1994.0, 1.0, 17.0, 12.0, 30.0, 55.0, 250.0]
+        assert usgs._start(by_month, texts) == (datetime(1994, 1, 17, 12, 30, 55, 250000) if told else None)
+        for place in range(1, 6):
+            unknown = by_day.copy()
+            unknown[place] = -99.0
+            assert usgs._start(unknown, texts) is None
+        assert usgs._start([*by_day[:6], -99.0, -99.0], texts) == datetime(1994, 1, 17, 12, 30, 55)
+        for day in (0.0, 367.0):
+            assert usgs._start([-99.0, 1994.0, day, *by_day[3:]], texts) is None
+        later = usgs._start([-99.0, 1994.0, 20.0, *by_day[3:]], texts)
+        assert later == (None if told else datetime(1994, 1, 20, 12, 30, 55, 250000))

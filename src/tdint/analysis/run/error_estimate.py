@@ -195,11 +195,11 @@ def _too_coarse(response: Response) -> str:
 def _off(response: Response, *names: str) -> float:
     """The largest error over the peak that a run has carried along to peaks of these names."""
     assert response.check is not None and response.check.corrected is not None
-    worst = 0.0
+    found = []
     for name in names:
         own, true = getattr(response.stories, name), getattr(response.check.corrected, name)
-        worst = max(worst, float(np.max(np.abs(true - own) / np.maximum(_size(response, name), _TINY))))
-    return worst
+        found.append(float(np.max(np.abs(true - own) / np.maximum(_size(response, name), _TINY))))
+    return max(found)
 
 
 def checked(case: Case, steps: Steps, response: Response) -> Response:

@@ -261,7 +261,7 @@ class _Group:
         """What the runs tell."""
         count = len(self.states.outcomes)
         sums = np.array(list(self._sums.values()))
-        mean = _mean(sums) if len(sums) else Mean(*np.full((2, count + 2), math.nan))
+        mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
         loss, sd = Mean(np.full(1, math.nan), np.full(1, math.nan)), math.nan
         if self.states.losses and len(sums):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
