@@ -102,13 +102,15 @@ VALUES = {
 @pytest.mark.parametrize(
     ("section", "given", "refused", "said"),
     [
-        ("buildings", "models: [a.yaml]", "rules classes as_published units damping stiffness_scatter damping_scatter seed",
+        ("buildings", "models: [a.yaml]",
+         "rules classes as_published units damping stiffness_scatter damping_scatter seed",
          "belongs to an `inventory`"),
         ("buildings", "inventory: a.csv, units: {length: m}", "classes as_published", "belongs to the rules capacity"),
         ("buildings", "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
          "damping stiffness_scatter damping_scatter seed", "has no part in capacity"),
         ("records", "grid: g.csv, units: g, neighbors: 4, samples: 3",
-         "files pairs component fields sites sequences rest", "belongs to `files`, `sequences` or `fields`, not to a `grid`"),
+         "files pairs component fields sites sequences rest",
+         "belongs to `files`, `sequences` or `fields`, not to a `grid`"),
         ("records", "grid: g.csv, units: g, events: true", "neighbors samples seed", "has no part in `events`"),
         ("records", "files: [a.csv]", "neighbors samples seed events", "belongs to a `grid`"),
         ("records", "files: [a.csv]", "sites", "belongs to `fields`"),

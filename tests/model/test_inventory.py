@@ -43,6 +43,7 @@ def test_a_one_story_building_by_hand():
     assert made.yield_force[0] == pytest.approx(strength, rel=1e-14)
     assert made.ultimate_force[0] == pytest.approx(row.overstrength * strength, rel=1e-14)
     assert made.ultimate_drift[0] == pytest.approx(drift, rel=1e-14)
+    assert made.yield_drift[0] == pytest.approx(strength / stiffness, rel=1e-14)
     assert made.period == pytest.approx(2.0 * math.pi * math.sqrt(3e6 / stiffness), rel=1e-13)
 
 

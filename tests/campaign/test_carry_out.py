@@ -1,0 +1,72 @@
+"""What of a campaign is left to do and how far it has come, by counting; nothing is integrated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import SimpleNamespace
+
+import pytest
+
+from tdint.campaign import carry_out as module
+from tdint.campaign.carry_out import Advance, Shard, carry_out, threads
+from tdint.errors import UsageError
+
+CHUNKS = 9
+
+
+def size(number: int) -> int:
+    return 3 + number
+
+
+class Kept:
+    def __init__(self, *ready: int) -> None:
+        self.ready, self.added = set(ready), list[int]()
+
+    def done(self) -> set[int]:
+        return self.ready
+
+    def add(self, done: SimpleNamespace) -> None:
+        self.added.append(done.number)
+
+
+def engine(plan: SimpleNamespace, numbers: Sequence[int]) -> Iterator[SimpleNamespace]:
+    for number in numbers:
+        yield SimpleNamespace(number=number, rows=SimpleNamespace(runs=[None] * size(number)))
+
+
+@pytest.fixture(autouse=True)
+def nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "compile_for", lambda plan: None)
+
+
+@pytest.mark.parametrize("shard", [None, Shard(1, 3), Shard(2, 3), Shard(3, 3)])
+@pytest.mark.parametrize("ready", [(), (0, 1, 5), tuple(range(CHUNKS))])
+@pytest.mark.parametrize("limit", [None, 1, 8, 9, 1000])
+def test_what_is_left_is_done_chunk_by_chunk(shard: Shard | None, ready: tuple[int, ...], limit: int | None) -> None:
+    of_shard = [number for number in range(CHUNKS) if shard is None or number % 3 + 1 == shard.number]
+    wanted: list[int] = []
+    for number in of_shard:
+        if number not in ready and (limit is None or sum(map(size, wanted)) < limit):
+            wanted.append(number)
+    before = sum(size(number) for number in of_shard if number in ready)
+    store, told = Kept(*ready), list[Advance]()
+    last = carry_out(
+        SimpleNamespace(chunks=CHUNKS, size=size), store, engine, shard=shard, limit=limit, tell=told.append
+    )
+    assert store.added == wanted
+    assert [one.done for one in told] == [before + sum(map(size, wanted[: i + 1])) for i in range(len(wanted))]
+    for one in (*told, last):
+        assert (one.runs, one.before) == (before + sum(map(size, wanted)), before)
+        assert 0.0 <= one.seconds < 60.0
+    assert last.done == last.runs
+
+
+def test_the_rate_counts_what_was_done_in_this_call() -> None:
+    assert Advance(30, 50, 10, 4.0).rate == 5.0
+    assert Advance(30, 50, 10, 0.0).rate == 0.0
+
+
+def test_a_job_at_least() -> None:
+    threads(1)
+    with pytest.raises(UsageError, match="the number of jobs must be at least 1, got 0"):
+        threads(0)
