@@ -10,6 +10,7 @@ import pytest
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from tdint import run
 from tdint.analysis.run import prepared
+from tdint.analysis.run.amplification import largest_stable
 from tdint.analysis.run.case import _runaway_story
 from tdint.analysis.run.outcome import FailedRun
 from tdint.kernels import layout as at
@@ -178,3 +179,24 @@ def test_the_story_that_runs_away_is_that_with_the_largest_drift():
         state = np.zeros((5, 4))
         state[at.DISPLACEMENT] = [*displacements, 1e99]
         assert _runaway_story(SimpleNamespace(state=state)) == number
+
+
+def test_the_largest_stable_step_ends_the_first_range_of_them():
+    """Rounded down: of several ranges the first one, the whole where all are stable, 0 where none is."""
+    asked = []
+
+    def within(*ranges):
+        return lambda step: asked.append(step) or any(low < step <= high for low, high in ranges)
+
+    for ends, expected in ((((0.0, 0.37),), 0.37), (((0.0, 0.113), (0.2, 9.0)), 0.113), (((0.0, 9.0),), 2.0)):
+        found = largest_stable(within(*ends), 2.0)
+        assert found <= expected and found == pytest.approx(expected, rel=1e-9)
+    assert largest_stable(within((0.5, 9.0)), 2.0) == 0.0
+    assert min(asked) > 0.0 and max(asked) <= 2.0
+
+
+@pytest.mark.parametrize(("duration", "noted"), [(1.0, False), (0.99 * 2, False), (2.0, True), (2.5, True)])
+def test_that_the_record_ends_before_the_run_is_noted(duration, noted):
+    """A record of 199 intervals of 0.01 s ends at 1.99 s."""
+    response = run(oscillator(6.0, 0.05), noise(samples=200), method="newmark-average", duration=duration, dt=0.01)
+    assert ("the record ends at 1.99 s; the ground is at rest after it" in response.notes) == noted
