@@ -101,19 +101,21 @@ def test_a_group_without_results() -> None:
 
 def test_levels_count_motions_not_runs() -> None:
     """A pair has failed or fallen where one of its two runs has; a motion that failed has not fallen."""
-    rules = SuiteRules({1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True)
+    rules = SuiteRules({1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True, ("pga", "m/s^2"))
     small = dict.fromkeys((Run(motion, 0.5, 0) for motion in range(1, 9)), DONE)
     large = {Run(motion, -2.0, 0): DONE for motion in range(1, 9)}
     large |= {Run(2, -2.0, 0): FALLEN[0], Run(3, -2.0, 0): "diverged", Run(4, -2.0, 0): FALLEN[0]}
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
     first, second = rules.levels(small | large)
     assert [len(one) for one in first.stood] == [2, 2, 2, 1, 1]
-    assert first[3:] == (3, 0, 0) and second[3:] == (3, 2, 2)
+    assert first[3:6] == (3, 0, 0) and second[3:6] == (3, 2, 2)
     assert second.stood == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.value, second.value) == (0.1, 0.4) and math.isnan(first.scale)
-    (one,) = SuiteRules({1: 1, 2: 2}, [], False).levels({Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE})
+    (one,) = SuiteRules({1: 1, 2: 2}, [], False, ("", "")).levels({Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE})
     assert one.scale == 0.5 and math.isnan(one.value)
-    ranked = [level.value for level in SuiteRules({1: 1}, [], True).levels({Run(1, s, 0): DONE for s in (3.0, 1.0)})]
+    ranked = [
+        level.value for level in SuiteRules({1: 1}, [], True, ("", "")).levels({Run(1, s, 0): DONE for s in (3.0, 1.0)})
+    ]
     assert ranked == [1.0, 2.0]
 
 
