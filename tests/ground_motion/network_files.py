@@ -1,4 +1,4 @@
-"""Small records in the formats of single networks (`tdint.ground_motion.formats.networks`)."""
+"""Small records in the formats of single networks (`tdint.ground_motion.formats`)."""
 
 from __future__ import annotations
 
