@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -36,56 +36,59 @@ _MODELS = options.output.option(
 )
 
 
+@options.request
+class Request:
+    """The command line of `tdint inventory`."""
+
+    models: str | None
+    outputs: Outputs
+    buildings: str = options.argument("BUILDINGS.csv", type=FileName())
+    units: str = options.option(
+        type=click.Choice(["ft", "m"]),
+        required=True,
+        help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
+    )
+    rules: str = options.option(
+        type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
+    )
+    classes: str | None = options.option(
+        type=FileName(),
+        needs="--rules capacity",
+        metavar="FILE",
+        help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, "
+        "and, if they are wanted, soft_story and degradation (true or false).",
+    )
+    as_published: bool = options.option(
+        is_flag=True,
+        needs="--rules capacity",
+        help="Multiply forces and stiffness by the factor of oq-vmtk 1.1, with which the period is too short.",
+    )
+    damping: str = options.option(
+        type=click.Choice(["full", "mass-only"]),
+        default="full",
+        help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
+    )
+    stiffness_scatter: float | None = options.option(
+        type=Ratio(0.0, 0.5),
+        metavar="PART",
+        help="Standard deviation of a factor on each building's stiffness (0.1 or 10%); its strength stays.",
+    )
+    damping_scatter: float | None = options.option(
+        type=Ratio(0.0, 0.5), metavar="PART", help="The same of a factor on its damping ratio."
+    )
+    seed: int = options.option(
+        type=click.IntRange(min=0),
+        default=0,
+        needs="--stiffness-scatter or --damping-scatter",
+        metavar="N",
+        help="Seed of the scatter; 0 by default.",
+    )
+
+
 @options.command("inventory")
-@click.argument("buildings", metavar="BUILDINGS.csv", type=FileName())
-@options.option(
-    "--units",
-    type=click.Choice(["ft", "m"]),
-    required=True,
-    help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
-)
-@options.option(
-    "--rules", type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
-)
-@options.option(
-    "--classes",
-    type=FileName(),
-    needs="--rules capacity",
-    metavar="FILE",
-    help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, and, if "
-    "they are wanted, soft_story and degradation (true or false).",
-)
-@options.option(
-    "--as-published",
-    is_flag=True,
-    needs="--rules capacity",
-    help="Multiply forces and stiffness by the factor of oq-vmtk 1.1, with which the period is too short.",
-)
-@options.option(
-    "--damping",
-    type=click.Choice(["full", "mass-only"]),
-    default="full",
-    help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
-)
-@options.option(
-    "--stiffness-scatter",
-    type=Ratio(0.0, 0.5),
-    metavar="PART",
-    help="Standard deviation of a factor on each building's stiffness (0.1 or 10%); its strength stays.",
-)
-@options.option(
-    "--damping-scatter", type=Ratio(0.0, 0.5), metavar="PART", help="The same of a factor on its damping ratio."
-)
-@options.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    needs="--stiffness-scatter or --damping-scatter",
-    metavar="N",
-    help="Seed of the scatter; 0 by default.",
-)
 @options.output.to_files(picture=None, more=[_MODELS])
-def command(units: str, rules: str, models: str | None, outputs: Outputs, **given: Any) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Shear buildings by rules from a table of buildings.
 
     BUILDINGS.csv has a row per building and the columns id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
@@ -106,26 +109,26 @@ def command(units: str, rules: str, models: str | None, outputs: Outputs, **give
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
 
-    buildings = given["buildings"]
-    if (rules == CAPACITY) != (given["classes"] is not None):
+    rules = request.rules
+    if (rules == CAPACITY) != (request.classes is not None):
         raise UsageError(f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes")
-    classes = read_classes(given["classes"]) if given["classes"] else None
+    classes = read_classes(request.classes) if request.classes else None
     rows, faults = read_inventory(
-        buildings,
-        LENGTH[units],
-        mass_only=given["damping"] == "mass-only",
+        request.buildings,
+        LENGTH[request.units],
+        mass_only=request.damping == "mass-only",
         classes=classes,
-        as_published=given["as_published"],
+        as_published=request.as_published,
     )
-    stiffness, ratio = (given[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
-    derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=given["seed"])
-    files = _model_files(derived, rules, models) if models else {}
+    stiffness, damping = request.stiffness_scatter or 0.0, request.damping_scatter or 0.0
+    derived = derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=request.seed)
+    files = _model_files(derived, rules, request.models) if request.models else {}
     if files:
-        write_files(files, overwrite=outputs.overwrite)
-    outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
+        write_files(files, overwrite=request.outputs.overwrite)
+    request.outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
     if len(faults) > _SHOWN:
-        more = f"{buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
+        more = f"{request.buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
         raise ModelError("\n".join([*map(str, faults[:_SHOWN]), more]))
     if faults:
         raise ModelError(faults)

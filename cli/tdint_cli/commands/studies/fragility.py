@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,13 +19,16 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, Number, span
-from tdint_cli.terminal import complain, say, warn
+from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
     from tdint.campaign.fragility.fits import Fragility
 
 _FITS = ("stripes", "ida", "cloud")
+_OF_FUNCTIONS = ("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "states")
+"""Options that a comparison of measures does not take."""
+
 SIGNIFICANT = 0.05
 """P-value below which a slope is told."""
 
@@ -49,59 +52,64 @@ _OF_OPENQUAKE = (
 )
 
 
+@options.request
+class Request:
+    """The command line of `tdint fragility`."""
+
+    openquake: str | None
+    states: tuple[str, ...] | None
+    outputs: Outputs
+    table: str = options.argument("TABLE.csv|DIR", type=FileName())
+    fit: str | None = options.option(
+        type=click.Choice(_FITS),
+        help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
+        "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
+    )
+    threshold: tuple[float, ...] | None = options.studies.threshold(
+        help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
+    )
+    by: str | None = options.option(
+        type=click.Choice(["type"]),
+        help="A function for each type (class) of buildings of a campaign and each of its damage states: DIR is the "
+        "folder of a campaign with `damage`. Standard errors are those of leaving out ground motions.",
+    )
+    edp_range: tuple[float, float] | None = options.option(
+        type=span,
+        metavar="LOW:HIGH",
+        help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be "
+        "left out.",
+    )
+    im: tuple[str, ...] | None = options.option(
+        many=True,
+        type=click.STRING,
+        metavar="NAME,...",
+        help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign "
+        "--im` has found. Several are compared, by how well they tell the largest drift: another table.",
+    )
+    sufficiency: str | None = options.option(
+        needs="--im",
+        type=FileName(),
+        metavar="FILE.csv",
+        help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves "
+        "should not depend.",
+    )
+    beta_model: float = options.option(
+        type=Number(0.0, 10.0),
+        default=0.0,
+        metavar="BETA",
+        help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
+        "root of the sum of squares.",
+    )
+
+
 @options.command("fragility")
-@click.argument("table", metavar="TABLE.csv|DIR", type=FileName())
-@options.option(
-    "--fit",
-    type=click.Choice(_FITS),
-    help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
-    "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
-)
-@options.studies.threshold(
-    help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
-)
-@options.option(
-    "--by",
-    type=click.Choice(["type"]),
-    help="A function for each type (class) of buildings of a campaign and each of its damage states: DIR is the folder "
-    "of a campaign with `damage`. Standard errors are those of leaving out ground motions.",
-)
-@options.option(
-    "--edp-range",
-    type=span,
-    metavar="LOW:HIGH",
-    help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be left out.",
-)
-@options.option(
-    "--im",
-    many=True,
-    type=click.STRING,
-    metavar="NAME,...",
-    help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign --im` has "
-    "found. Several are compared, by how well they tell the largest drift: another table.",
-)
-@options.option(
-    "--sufficiency",
-    needs="--im",
-    type=FileName(),
-    metavar="FILE.csv",
-    help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves should "
-    "not depend.",
-)
-@options.option(
-    "--beta-model",
-    type=Number(0.0, 10.0),
-    default=0.0,
-    metavar="BETA",
-    help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
-    "root of the sum of squares.",
-)
 @options.output.to_files(
     picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o "
     "under its name.",
     more=_OF_OPENQUAKE,
 )
-def command(table: str, im: tuple[str, ...] | None, outputs: Outputs, **given: Any) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """Fragility functions: the probability of exceedance over intensity.
 
     TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud),
@@ -114,25 +122,24 @@ def command(table: str, im: tuple[str, ...] | None, outputs: Outputs, **given: A
     runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
     slope of what is left with its p-value (sufficiency).
     """
-    sufficiency = given.pop("sufficiency")
-    if im and len(im) > 1:
-        _compare(table, im, sufficiency, outputs, given | {"plot": outputs.picture, "output_units": outputs.units})
+    if request.im and len(request.im) > 1:
+        _compare(request, request.im)
         return
-    if sufficiency:
+    if request.sufficiency:
         raise UsageError("--sufficiency compares measures: give several with --im")
-    _fragility(table, outputs, measure=_column(im[0]) if im else None, **given)
+    _fragility(request)
 
 
-def _compare(
-    table: str, im: tuple[str, ...], sufficiency: str | None, outputs: Outputs, given: Mapping[str, Any]
-) -> None:
+def _compare(request: Request, measures: Sequence[str]) -> None:
     from tdint.campaign.fragility.run_measures import compare_measures
 
-    for name, value in given.items():
+    outputs = request.outputs
+    others = {name: getattr(request, name) for name in _OF_FUNCTIONS}
+    for name, value in (others | {"plot": outputs.picture, "output_units": outputs.units}).items():
         if value:
             raise UsageError(f"--{name.replace('_', '-')} has no part in a comparison of measures; give one --im")
-    refuse_inputs(outputs.files, [table, sufficiency])
-    fits = compare_measures(table, im, sufficiency)
+    refuse_inputs(outputs.files, [request.table, request.sufficiency])
+    fits = compare_measures(request.table, measures, request.sufficiency)
     outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
     say(
@@ -144,41 +151,38 @@ def _compare(
             say(f"What it leaves depends on {one.characteristic}: slope {one.slope:.3g}, p {one.p_value:.2g}.")
 
 
-def _fragility(
-    table: str, outputs: Outputs, *, by: str | None, openquake: str | None, states: tuple[str, ...] | None, **given: Any
-) -> None:
+def _fragility(request: Request) -> None:
     from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest
 
-    fit, edp_range, beta_model = given["fit"], given["edp_range"], given["beta_model"]
-    if by and states:
+    outputs, by_type = request.outputs, request.by is not None
+    if by_type and request.states:
         raise UsageError("--states is not for --by type: the states are those of the campaign")
-    if edp_range is not None and fit not in (None, "cloud"):
+    if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
-    refuse_inputs([*outputs.files, *([Path(openquake)] if openquake else [])], [table])
-    if openquake:
-        check_outputs([Path(openquake)], overwrite=outputs.overwrite)
-    request = FragilityRequest(
-        fit=fit,
-        thresholds=given["threshold"] or (),
-        edp_range=edp_range or EVERY_DEMAND,
-        beta_model=beta_model,
-        measure=given["measure"],
+    model = [Path(request.openquake)] if request.openquake else []
+    refuse_inputs([*outputs.files, *model], [request.table])
+    check_outputs(model, overwrite=outputs.overwrite)
+    asked = FragilityRequest(
+        fit=request.fit,
+        thresholds=request.threshold or (),
+        edp_range=request.edp_range or EVERY_DEMAND,
+        beta_model=request.beta_model,
+        measure=_column(request.im[0]) if request.im else None,
     )
-    result = _fitted(table, request, by_type=by is not None)
+    result = _fitted(request.table, asked, by_type=by_type)
     warn(*result.warnings)
     if not result.functions:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
-    if openquake:
-        _write_model(result.functions, Path(openquake), states or (), outputs.overwrite)
+    for file in model:
+        _write_model(result.functions, file, request.states or (), outputs.overwrite)
     replace(outputs, units=None).deliver(
-        tables.studies.fragility_table(functions, total=beta_model > 0.0),
-        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
+        tables.studies.fragility_table(functions, total=request.beta_model > 0.0),
+        lambda: (figures.collapse.types_picture if by_type else figures.collapse.fragility_picture)(functions),
     )
-    say(*([_count(functions)] if by else map(_words, functions)))
-    for error in result.failures:
-        complain(f"Warning: {error}")
+    say(*([_count(functions)] if by_type else map(_words, functions)))
+    warn(*map(str, result.failures))
 
 
 def _column(measure: str) -> str:
