@@ -9,19 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
-from tdint.files import check_outputs, check_room, write_files
+from tdint.files import check_room, write_files
 from tdint.input_bytes import is_folder
 from tdint.output import figures, tables
-from tdint.output_units import SI, OutputUnits
+from tdint.output_units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
-from tdint_cli.commands.buildings.run_request import HISTORY, PICTURE, STORIES, SUMMARY, Request
+from tdint_cli.commands.buildings.run_request import ALL_FILES, STORIES, SUMMARY, Request
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.building import check_motion, with_motion
-from tdint_cli.options.headings import BESIDE
-from tdint_cli.options.output import check_picture, picture_file
-from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
+from tdint_cli.options.building import with_motion
 from tdint_cli.terminal import complain, note, say, warn
 
 if TYPE_CHECKING:
@@ -31,9 +27,6 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
-
-ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
-"""The files of a run. The summary is written last: where it says `done`, all is there."""
 
 _STEPS_OF_A_PICTURE = 20_000
 _LEAST_BYTES = (6.0, 2.0)
@@ -86,7 +79,7 @@ def command(request: Request) -> None:
     if request.check is False and request.tolerance is not None:
         raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.sequence:
-        _check_sequence(request)
+        request.check_sequence()
         _run(request)
         return
     if request.factors is not None and (request.scale or not named):
@@ -100,22 +93,6 @@ def command(request: Request) -> None:
         _run(request)
 
 
-def _check_sequence(request: Request) -> None:
-    """Refuse what a sequence cannot have."""
-    count, factors = len(request.shocks), len(request.scale or (1.0,))
-    if count < 2:
-        raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
-    if "-" in request.shocks:
-        raise UsageError("the records of a sequence are files, not standard input")
-    if factors not in (1, count):
-        raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
-    for name in ("duration", "factors"):
-        if getattr(request, name) is not None:
-            raise UsageError(
-                f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
-            )
-
-
 def _run(request: Request) -> None:
     began = time.perf_counter()
     from tdint.analysis.run.outcome import FailedRun
@@ -123,7 +100,7 @@ def _run(request: Request) -> None:
     from tdint.model.config.model_file import load_model
     from tdint.output.summary import model_input
 
-    _check(request)
+    request.check_files()
     model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
     request = replace(request, output_units=request.output_units or model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
@@ -146,7 +123,7 @@ def _run(request: Request) -> None:
         raise
     emit_table(_stories(request, response))
     _write(request, _files(request, response, case, inputs, began))
-    say(_paragraph(response, _units(request)))
+    say(_paragraph(response, request.units_shown))
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
     warn(*response.warnings)
@@ -170,7 +147,7 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         wanted["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **wanted)
     # A history, which a picture draws, has rows that are equally far from each other.
-    equal = bool(_history(request) or _picture(request) or request.report)
+    equal = bool(request.history_file or request.picture_file or request.report)
     return run_case(case, duration=request.duration, equal=equal, **wanted)
 
 
@@ -195,70 +172,16 @@ def _remark(record: Record | None, notes: Sequence[str]) -> None:
     note(*notes)
 
 
-def _check(request: Request) -> None:
-    """Refuse, before any work, what can be seen to fail."""
-    history = _history(request)
-    if request.drift_limit is not None:
-        raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
-    request.of_floors.check(request.output, request.export_floors)
-    check_motion(replace(request, scale=None) if request.sequence else request)
-    picture = _picture(request)
-    if picture:
-        check_picture(picture)
-    outputs = [
-        *_in_folder(request, ALL_FILES),
-        *([picture] if picture else ()),
-        *([history] if history else ()),
-        *([Path(request.report)] if request.report else ()),
-    ]
-    refuse_inputs(outputs, [request.model, request.record, *request.shocks, request.inventory])
-    check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
-
-
-def _in_folder(request: Request, names: Sequence[str]) -> list[Path]:
-    """Files in the folder of -o, none without one."""
-    return [Path(request.output) / name for name in names] if request.output else []
-
-
-def _picture(request: Request) -> Path | None:
-    """The file of the picture, if one is asked for."""
-    return picture_file(request.plot, Path(request.output) / PICTURE if request.output else None)
-
-
-def _history(request: Request) -> Path | None:
-    """The file of the history, if one is asked for.
-
-    Raises
-    ------
-    UsageError
-        It has no name and there is no folder, or its name says another format.
-    """
-    if request.history is None:
-        return None
-    if request.history != BESIDE:
-        file = Path(request.history)
-        if not file.name.lower().endswith((".csv", ".csv.gz")):
-            raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
-        return file
-    if request.output is None:
-        raise UsageError("--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv")
-    return Path(request.output) / HISTORY
-
-
 def _check_room(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError for a history that the disk cannot hold."""
-    if file := _history(request):
+    if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
 
 
-def _units(request: Request) -> OutputUnits:
-    return request.output_units or SI
-
-
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    return tables.responses.response_table(response).in_units(_units(request))
+    return tables.responses.response_table(response).in_units(request.units_shown)
 
 
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Content]:
@@ -267,12 +190,12 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     from tdint.output.run_summary import UNITS, run_summary
     from tdint.output.summary import in_units, json_bytes
 
-    units = _units(request)
+    units = request.units_shown
     files: dict[Path, Content] = {}
     if request.output:
         files[Path(request.output) / STORIES] = _stories(request, response).csv()
     _check_room(request, len(response.model.stories), response.steps)
-    if (file := _history(request)) and (pieces := response.pieces):
+    if (file := request.history_file) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
         kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
         files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
@@ -282,7 +205,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         )
         files |= of_floors
         note(*notes)
-    if picture := _picture(request):
+    if picture := request.picture_file:
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.runs.run_picture(_thinned(response), units)
         )
@@ -290,7 +213,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         return files
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, response.record)
-    content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
+    content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
     if request.report:
         from tdint.output.report_chapters import run_page
 
@@ -331,29 +254,14 @@ def _failed_files(
 
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, case.record)
-    settings = _settings(request)
+    settings = request.settings
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
-    return dict.fromkeys(_in_folder(request, (SUMMARY,)), json_bytes(in_units(content, _units(request), UNITS)))
-
-
-def _settings(request: Request) -> dict[str, Any]:
-    """What the command line asked of the analysis; None where it is the model's."""
-    return {
-        "method": request.method,
-        "dt_s": request.dt,
-        "duration_s": request.duration,
-        "until_rest": request.until_rest,
-        "check": request.check,
-        "tolerance": request.tolerance,
-        "allow_unstable": request.allow_unstable,
-        **({"sequence": True, "rest_s": request.rest} if request.sequence else {}),
-        "floor_spectra": list(request.of_floors.floors or ()),
-    }
+    return dict.fromkeys(request.in_folder((SUMMARY,)), json_bytes(in_units(content, request.units_shown, UNITS)))
 
 
 def _write(request: Request, files: dict[Path, Content]) -> None:
     """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
-    every = _in_folder(request, ALL_FILES)
+    every = request.in_folder(ALL_FILES)
     write_files(files, overwrite=request.overwrite, stale=[file for file in every if file not in files])
 
 

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import click
 
 from tdint.errors import UsageError
-from tdint.output_units import OutputUnits
+from tdint.files import check_outputs
+from tdint.output_units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.profiles import REQUIRE, SuiteRequest, drift_limit
-from tdint_cli.options.building import BuildingRequest
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.options.building import BuildingRequest, check_motion
+from tdint_cli.options.headings import BESIDE
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.options.values import FileName, Number, Ratio
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
+"""The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
 @options.request
@@ -105,3 +117,82 @@ class Request(BuildingRequest, SuiteRequest):
         if self.every > 1:
             raise UsageError("--every is for one record and one scale; call it once for each")
         self.of_floors.check(self.output)
+
+    def check_sequence(self) -> None:
+        """Refuse what a sequence cannot have."""
+        count, factors = len(self.shocks), len(self.scale or (1.0,))
+        if count < 2:
+            raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
+        if "-" in self.shocks:
+            raise UsageError("the records of a sequence are files, not standard input")
+        if factors not in (1, count):
+            raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
+        for name in ("duration", "factors"):
+            if getattr(self, name) is not None:
+                raise UsageError(
+                    f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
+                )
+
+    def check_files(self) -> None:
+        """Refuse, before any work, what can be seen to fail."""
+        history = self.history_file
+        if self.drift_limit is not None:
+            raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
+        self.of_floors.check(self.output, self.export_floors)
+        check_motion(replace(self, scale=None) if self.sequence else self)
+        picture = self.picture_file
+        if picture:
+            check_picture(picture)
+        report = Path(self.report) if self.report else None
+        outputs = [*self.in_folder(ALL_FILES), *filter(None, (picture, history, report))]
+        refuse_inputs(outputs, [self.model, self.record, *self.shocks, self.inventory])
+        check_outputs(dict.fromkeys(outputs), overwrite=self.overwrite)
+
+    def in_folder(self, names: Sequence[str]) -> list[Path]:
+        """Files in the folder of -o, none without one."""
+        return [Path(self.output) / name for name in names] if self.output else []
+
+    @property
+    def picture_file(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, Path(self.output) / PICTURE if self.output else None)
+
+    @property
+    def history_file(self) -> Path | None:
+        """The file of the history, if one is asked for.
+
+        Raises
+        ------
+        UsageError
+            It has no name and there is no folder, or its name says another format.
+        """
+        if self.history is None:
+            return None
+        if self.history != BESIDE:
+            file = Path(self.history)
+            if not file.name.lower().endswith((".csv", ".csv.gz")):
+                raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
+            return file
+        if self.output is None:
+            raise UsageError("--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv")
+        return Path(self.output) / HISTORY
+
+    @property
+    def units_shown(self) -> OutputUnits:
+        """The units of all that is written."""
+        return self.output_units or SI
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the command line asked of the analysis; None where it is the model's."""
+        return {
+            "method": self.method,
+            "dt_s": self.dt,
+            "duration_s": self.duration,
+            "until_rest": self.until_rest,
+            "check": self.check,
+            "tolerance": self.tolerance,
+            "allow_unstable": self.allow_unstable,
+            **({"sequence": True, "rest_s": self.rest} if self.sequence else {}),
+            "floor_spectra": list(self.of_floors.floors or ()),
+        }
