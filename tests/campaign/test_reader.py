@@ -140,3 +140,18 @@ def test_keys_that_belong_to_others(tmp_path: Path, section: str, given: str, re
     for key in refused.split():
         value = "0.05" if key == "damping" and section == "intensity" else VALUES[key]
         assert f"{section}.{key}: {said}" in faults(f"{given}, {key}: {value}"), key
+
+
+@pytest.mark.parametrize("source", ["files: [a.csv]", "fields: f.csv"])
+def test_pairs_or_a_component(tmp_path: Path, source: str) -> None:
+    file = tmp_path / "study.yaml"
+    sound_ones = ("", ", pairs: true", ", component: HNE", ", pairs: false", ", pairs: false, component: HNE")
+    for more in (*sound_ones, ", pairs: true, component: HNE"):
+        file.write_text(f"buildings: {{models: [a.yaml]}}\nrecords: {{{source}{more}}}\nintensity: {{scales: [1]}}\n")
+        if more in sound_ones:
+            load_campaign(file)
+        else:
+            with pytest.raises(
+                ModelError, match=r"records\.component: pairs have both horizontal components; leave one"
+            ):
+                load_campaign(file)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import lognorm, norm, uniform
 
 import tdint
 from tdint.campaign.carry_out import carry_out, threads
@@ -204,3 +206,33 @@ def test_ranks_of_a_monotonic_response(records):
     assert {one.building for one in found.values()} == {"stiff"}  # whose draws they are, without the numbers of each
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
         rank_correlations(store)
+
+
+@pytest.mark.parametrize(
+    ("one", "same"),
+    [
+        (Distribution("lognormal", 0.4, 0.3), lognorm(0.3, scale=0.4)),
+        (Distribution("normal", -2.0, 0.3), norm(-2.0, 0.3)),
+        (Distribution("uniform", -1.0, 4.0), uniform(-1.0, 5.0)),
+    ],
+)
+def test_distributions_are_those_of_their_names(one: Distribution, same: Any) -> None:
+    parts = np.linspace(0.01, 0.99, 21)
+    np.testing.assert_allclose(one.at(parts), same.ppf(parts), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "said"),
+    [
+        ("lognormal", (0.0, 0.3), "lognormal: median must be positive"),
+        ("lognormal", (1.0, 0.0), "lognormal: beta must be positive"),
+        ("normal", (0.0, 0.0), "normal: sd must be positive"),
+        ("uniform", (1.0, 1.0), "uniform: low must be less than high"),
+    ],
+)
+def test_numbers_of_no_distribution(kind: str, numbers: tuple[float, float], said: str) -> None:
+    """At their bounds; just within them they are some."""
+    with pytest.raises(UsageError, match=said):
+        Distribution(kind, *numbers)
+    for first, second in ((1e-9, 1.0), (0.5, 0.6)):
+        Distribution(kind, first, second)

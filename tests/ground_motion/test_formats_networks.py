@@ -1,10 +1,13 @@
 """Formats of single networks: components, units, steps, and the peaks that their headers state."""
 
+from datetime import datetime
+
 import numpy as np
 import pytest
 
 from ground_motion import network_files as files
 from ground_motion.test_formats import contents, refused
+from tdint.ground_motion.formats import unam
 
 
 def ids(text):
@@ -74,3 +77,18 @@ def test_a_row_with_another_number_of_numbers():
     lines = files.afad().splitlines()
     lines[20] += " 0.1"
     refused("\n".join(lines) + "\n", "holds 4 numbers, not 3")
+
+
+@pytest.mark.parametrize(
+    ("origin", "first", "day"),
+    [("10:01:02", "10:01:30", 5), ("23:59:50.5", "00:00:01.5", 6), ("", "00:00:01", 5), ("13:00:00", "01:00:00", 5)],
+)
+def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
+    """The header has the day of the earthquake: the first sample comes within twelve hours of it."""
+    texts = ["FECHA DEL SISMO [GMT] : 2004/03/05", f"HORA DE LA PRIMERA MUESTRA (GMT) : {first}"]
+    texts += [f"HORA EPICENTRO (GMT) : {origin}"] if origin else []
+    hour, minute, second = first.split(":")
+    whole, _, part = second.partition(".")
+    expected = datetime(2004, 3, day, int(hour), int(minute), int(whole), 100_000 * int(part or 0))
+    assert unam._start(texts) == expected
+    assert unam._start(texts[:1]) is None and unam._start(texts[1:]) is None

@@ -10,6 +10,7 @@ import pytest
 from building_cases import model, noise, story
 from law_examples import example
 from tdint.analysis.run.run import run
+from tdint.analysis.static import cyclic
 from tdint.analysis.static.cyclic import cyclic_path, cyclic_test, follow_path, path_test
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import assemble
@@ -240,3 +241,17 @@ def test_a_law_without_a_finite_force():
     law = Law("polynomial", (K, 0.0, 1e200))
     with pytest.raises(AnalysisError, match="story 1: its law has no finite force and energy at drift 5e\\+59 m"):
         imposed(law, "1e60m", points=2)
+
+
+def test_as_many_points_as_are_allowed(monkeypatch):
+    """Three sizes of two cycles of four quarters of five points: 120."""
+    building = model([story(1.0, 2.0)])
+    sizes = [parse_drift(size) for size in ("1mm", "2mm", "3mm")]
+    monkeypatch.setattr(cyclic, "MOST_POINTS", 120)
+    path = cyclic_test(building, 1, sizes, cycles=2, points=5).path
+    assert len(path.drift) == 121
+    for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):
+        with pytest.raises(
+            UsageError, match=f"{3 * more['cycles']} cycles of {4 * more['points']} points are more than 120"
+        ):
+            cyclic_test(building, 1, sizes, **more)
