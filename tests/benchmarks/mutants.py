@@ -28,22 +28,28 @@ OTHER = {
 }  # fmt: skip
 
 
-def mutants(source: str) -> list[tuple[int, str]]:
-    """Line and text of every mutant: an operator replaced, a number that is no index of 0 doubled or raised."""
-    found = []
-    for i, node in enumerate(ast.walk(ast.parse(source))):
-        tree = ast.parse(source)
-        twin = next(one for j, one in enumerate(ast.walk(tree)) if j == i)
-        if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
-            twin.op = OTHER[type(node.op)]()
-        elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
-            twin.ops[0] = OTHER[type(node.ops[0])]()
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            twin.value = 2 * node.value if isinstance(node.value, float) and node.value else node.value + 1
-        else:
-            continue
-        found.append((node.lineno, ast.unparse(tree)))
-    return found
+def places(source: str) -> list[int]:
+    """Numbers of the nodes that can be changed: operators, and numbers."""
+    return [
+        i
+        for i, node in enumerate(ast.walk(ast.parse(source)))
+        if (isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER)
+        or (isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER)
+        or (isinstance(node, ast.Constant) and type(node.value) in (int, float))
+    ]
+
+
+def mutant(source: str, place: int) -> tuple[int, str]:
+    """Line and text with one node changed: an operator replaced, a number doubled, or raised if it is whole or 0."""
+    tree = ast.parse(source)
+    node = list(ast.walk(tree))[place]
+    if isinstance(node, ast.BinOp | ast.BoolOp):
+        node.op = OTHER[type(node.op)]()
+    elif isinstance(node, ast.Compare):
+        node.ops[0] = OTHER[type(node.ops[0])]()
+    elif isinstance(node, ast.Constant):
+        node.value = 2 * node.value if isinstance(node.value, float) and node.value else node.value + 1
+    return node.lineno, ast.unparse(tree)
 
 
 def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
@@ -70,13 +76,14 @@ def main() -> None:
     parser.add_argument("modules", nargs="+", type=Path)
     given = parser.parse_args(sys.argv[1:split])
     tests = sys.argv[split + 1 :]
-    places = [(one.resolve(), *mutant) for one in given.modules for mutant in mutants(one.read_text(encoding="utf-8"))]
-    chosen = random.Random(given.seed).sample(places, min(given.count, len(places)))
+    every = [(one.resolve(), place) for one in given.modules for place in places(one.read_text(encoding="utf-8"))]
+    chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
     killed = 0
     with tempfile.TemporaryDirectory() as name:
         package = Path(name)
         shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__"))
-        for module, line, text in chosen:
+        for module, place in chosen:
+            line, text = mutant(module.read_text(encoding="utf-8"), place)
             lives = survives(package, module, text, tests)
             killed += not lives
             if lives:
