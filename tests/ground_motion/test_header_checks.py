@@ -543,7 +543,8 @@ class TestRecordersByHand:
         assert checksum.difference == count.difference == 0.0
         refused_by(look_at_evt, whole[:-1], "frame 2 has 931 of 932 bytes")
         refused_by(look_at_evt, whole + frame(32, 9, 1), r"frame 3 states a checksum of (\d+), its bytes have \d+")
-        refused_by(look_at_evt, whole + b"\0x", f"at byte {len(whole)}, after frame 2, there is no other frame")
+        for rest in (b"\0x", b"K", b"K" * 15, b"x" * 99):
+            refused_by(look_at_evt, whole + rest, f"at byte {len(whole)}, after frame 2, there is no other frame")
 
 
 class TestText:

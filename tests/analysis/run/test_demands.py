@@ -1,0 +1,85 @@
+"""The largest demands of runs by hand: made-up peaks of stories, two runs, a story without height."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.analysis.run.demands import DECLARED, DemandsOfRuns, demands
+from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks
+from tdint.campaign.engine.runs import demand_cells
+
+HEIGHT = np.array([4.0, math.nan, 2.5])
+RANDOM = np.random.default_rng(2)
+VALUES = {one.name: RANDOM.uniform(0.5, 2.0, (2, 3)) for one in STORY}
+VALUES["residual_drift"] *= np.array([-1.0, 1.0, -1.0])
+VALUES["peak_drift_ratio"] = VALUES["peak_drift"] / HEIGHT
+PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
+
+
+def largest(numbers):
+    """Value and place from 1, without those that are no numbers; nan and none where there is none."""
+    known = [(value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)]
+    return max(known) if known else (math.nan, 0)
+
+
+def by_hand(run):
+    of = {name: values[run].tolist() for name, values in VALUES.items()}
+    residual = [abs(value) for value in of["residual_drift"]]
+    return {
+        "roof_displacement": (of["peak_displacement"][2], 3),
+        "base_shear": (of["peak_shear"][0], 1),
+        "total_base_shear": (of["peak_total_shear"][0], 1),
+        "drift": largest(of["peak_drift"]),
+        "drift_ratio": largest([value / height for value, height in zip(of["peak_drift"], HEIGHT, strict=True)]),
+        "residual_drift": largest(residual),
+        "residual_drift_ratio": largest([value / height for value, height in zip(residual, HEIGHT, strict=True)]),
+        "ductility": largest(of["ductility"]),
+        "acceleration": largest(of["peak_acceleration"]),
+    }
+
+
+def test_largest_values_and_where_they_are():
+    found = DemandsOfRuns(PEAKS)
+    assert {one.name for one in DECLARED} == set(by_hand(0))
+    for run in (0, 1):
+        single = demands(StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT))
+        for name, expected in by_hand(run).items():
+            of_many = getattr(found, name)
+            assert (of_many.value[run], of_many.place[run]) == pytest.approx(expected), name
+            assert tuple(getattr(single, name)) == pytest.approx(expected), name
+    with pytest.raises(AttributeError):
+        _ = found.unknown
+
+
+def test_the_rows_of_campaigns_have_them():
+    for run, cells in enumerate(demand_cells(PEAKS)):
+        of = by_hand(run)
+        expected = {
+            "peak_drift_ratio": of["drift_ratio"][0], "peak_drift_story": of["drift_ratio"][1],
+            "peak_drift": of["drift"][0], "residual_drift_ratio": of["residual_drift_ratio"][0],
+            "peak_acceleration": of["acceleration"][0], "peak_acceleration_floor": of["acceleration"][1],
+            "peak_roof_displacement": of["roof_displacement"][0], "peak_base_shear": of["base_shear"][0],
+        }  # fmt: skip
+        assert cells == pytest.approx(expected)
+    bare = StoryPeaks(**VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan))
+    assert [cells["peak_drift_story"] for cells in demand_cells(bare)] == [by_hand(run)["drift"][1] for run in (0, 1)]
+
+
+def test_the_error_is_the_largest_of_those_that_may_have_the_largest_value():
+    values = {one.name: np.ones(3) for one in STORY} | {"peak_drift": np.array([1.0, 0.97, 0.5])}
+    peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]))
+    (drift,) = (one for one in DECLARED if one.name == "drift")
+    (roof,) = (one for one in DECLARED if one.name == "roof_displacement")
+
+    def errors(*of):
+        return StoryErrors(**{one.name: np.array(of) for one in STORY})
+
+    assert drift.error(peaks, errors(0.01, 0.02, 0.4)) == 0.01
+    assert drift.error(peaks, errors(0.01, 0.03, 0.4)) == 0.03
+    assert drift.error(peaks, errors(0.01, 0.03, 0.5)) == 0.5
+    assert drift.error(peaks, errors(0.01, math.nan, 0.4)) == 0.01
+    assert math.isnan(drift.error(peaks, errors(math.nan, math.nan, math.nan)))
+    assert roof.error(peaks, errors(0.01, 0.03, 0.4)) == 0.4
