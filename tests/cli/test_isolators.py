@@ -13,6 +13,7 @@ import pytest
 from tdint.errors import ModelError
 from tdint.model.building import assemble, falling_stories, stiffness_after_yield
 from tdint.model.config.model_file import load_model
+from tdint.output.report import damping_words
 from tdint.units import STANDARD_GRAVITY
 
 UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
@@ -55,6 +56,16 @@ def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
     plain = assemble(model(tmp_path, "mass: 25, stiffness: 300", more=RAYLEIGH)).damping_matrix()
     asked = assemble(model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)).damping_matrix()
     assert (asked == plain).all()
+
+
+@pytest.mark.parametrize("damping", [RAYLEIGH, "damping: 3%\n"])
+def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
+    """The ratio of the first mode is not the one given then."""
+    said = {
+        how: damping_words(model(tmp_path, f"mass: 25, stiffness: 300, isolator: {how}", more=damping))
+        for how in ("true", "rayleigh", "false")
+    }
+    assert said["rayleigh"] == said["false"] and said["true"] == said["false"] + ", less what it would be in isolators"
 
 
 def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):

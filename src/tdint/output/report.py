@@ -158,13 +158,14 @@ def model_chapter(model: Model, period: float, damping: float, units: OutputUnit
 
 def damping_words(model: Model) -> str:
     """The damping besides dashpots, in a few words."""
+    left_out = "" if all(story.rayleigh for story in model.stories) else ", less what it would be in isolators"
     match model.damping:
         case RayleighRatio(ratios, modes):
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
             told = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
-            return f"Rayleigh damping of {told}"
+            return f"Rayleigh damping of {told}{left_out}"
         case RayleighCoefficients(mass, stiffness):
-            return f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times stiffness"
+            return f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times stiffness{left_out}"
         case ModalDamping(ratios):
             return f"modal damping of {', '.join(f'{100.0 * ratio:g}' for ratio in ratios)} %"
     return "no damping besides dashpots"
