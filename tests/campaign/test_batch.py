@@ -14,8 +14,8 @@ from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.sequence import run_sequence
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import REPEATS, Run, RunRow, RunSettings, demand_errors
+from tdint.campaign.engine.batch import Batch, _Job
+from tdint.campaign.engine.runs import REPEATS, Rows, Run, RunRow, RunSettings, demand_errors
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
@@ -188,3 +188,18 @@ def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> No
     assert row.peak_drift == demands(single(of, Run(0, 1.0), dt=0.005).stories).drift.value
     (row,) = of.results([Run(0, 1.0)], largest=None).runs
     assert (row.status, row.peak_drift) == ("not-within-tolerance", None)
+
+
+@pytest.mark.parametrize(
+    ("status", "expected"), [("diverged", REPEATS), ("not-converged", REPEATS), ("unstable-step", 0)]
+)
+def test_a_run_that_always_fails_is_repeated_so_often(status: str, expected: int) -> None:
+    of = batch("hardening", "newmark-average")
+    failure, results = FailedRun("", status, "", 0.1), Rows()
+    jobs = [_Job(RUNS[0], single_steps := of._steps(RUNS[0].motion, float("inf")))]
+    for repeats in range(expected):
+        jobs = of._again(jobs[0], failure, results)
+        assert (jobs[0].repeats, jobs[0].steps.h) == (repeats + 1, pytest.approx(single_steps.h / 2.0 ** (repeats + 1)))
+        assert not results.runs
+    assert of._again(jobs[0], failure, results) == []
+    assert [(row.status, row.repeats) for row in results.runs] == [(status, expected)]

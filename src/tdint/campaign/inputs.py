@@ -317,7 +317,7 @@ def _sequence(
         raise RecordError("its records have different components; name one of each in the column component")
     for records in zip(*found, strict=True):
         whole = JoinedRecord.of(records, wanted.rest)
-        yield SuiteMotion(whole, name, whole.component, whole.shocks[0], 1)
+        yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
 
 
 def read_factors(wanted: FactorsFile) -> FactorTable:

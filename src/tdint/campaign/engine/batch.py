@@ -202,7 +202,7 @@ class Batch:
         (row,) = rows.runs
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
-            shocks = shocks_of(joined, sequence, steps, check=self.settings.check and record.fixed > 0)
+            shocks = shocks_of(joined, sequence, steps, check=self.settings.check and bool(record.fixed))
             rows.shocks = shock_rows(self.number, run, shocks)
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]

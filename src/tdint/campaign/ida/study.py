@@ -443,5 +443,5 @@ def _identity(
         "pairs": paired,
     }
     name, count = subject.model.name, len(records)
-    motions = [SuiteMotion(record, record.source, record.component, record, 1) for record in records]
+    motions = [SuiteMotion(record, record.source, record.component, record) for record in records]
     return Identity(name, "study", as_json(about), [GivenBuilding(name, subject)], motions, chunks=count)

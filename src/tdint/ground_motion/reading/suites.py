@@ -230,7 +230,7 @@ class SuiteMotion:
     name: str
     component: str
     whole: GroundMotion
-    direction: int
+    direction: int = 1
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
