@@ -111,6 +111,10 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
     for records in (("motion.mseed", "--component", "HNE"), ("motion.mseed", "other.mseed")):
         result = tdint("run", "falls.yaml", *records, "--units", "m/s^2")
         assert numbers in result.stderr, result.stderr
+    kip_in = 4448.2216152605 / 0.0254
+    numbers = f"kip/in: story 1 {40 * STANDARD_GRAVITY / 2 / kip_in:.4g} over {0.05 * 3000 / kip_in:.4g}"
+    one = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    assert numbers in tdint("run", "falls.yaml", *one, "--output-units", "kip,in").stderr
     Path("stands.yaml").write_text(text % bilinear.replace("0.05", "0.07"))
     result = tdint("run", "stands.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
     assert "P-delta takes" not in result.stderr

@@ -224,17 +224,19 @@ def falling_stories(model: Model) -> tuple[str, ...]:
     stiffness after yield of their law."""
     if not model.p_delta:
         return ()
+    unit, size = model.output_units.unit("N/m")
+    unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
     found = []
     for i, (story, taken) in enumerate(zip(model.stories, weight_over_height(model), strict=True), start=1):
         left = stiffness_after_yield(story)
         if taken > left:
-            found.append(f"story {i} {taken / 1e6:.4g} over {left / 1e6:.4g}")
+            found.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
     if not found:
         return ()
     more = f" and {len(found) - _FEW} more" if len(found) > _FEW else ""
     return (
         "P-delta takes more than the stiffness after yield, so that a story falls once it has yielded; weight over "
-        f"height and that stiffness, MN/m: {', '.join(found[:_FEW])}{more}",
+        f"height and that stiffness, {unit}: {', '.join(found[:_FEW])}{more}",
     )
 
 

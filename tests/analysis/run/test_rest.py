@@ -16,6 +16,7 @@ from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.runs import Run, RunSettings
+from tdint.output_units import parse_output_units
 
 MOVES = "the building still moves at the end, the drift of story"
 
@@ -51,6 +52,9 @@ def test_residual_drifts_are_at_rest(more):
     assert np.max(far) < 2.0 * np.max(plain.moving_drift)
     told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {1e3 * np.max(plain.moving_drift):.2g} mm"
     assert any(note.startswith(told) for note in plain.notes)
+    in_inches = run(replace(ten_bilinear(), output_units=parse_output_units("in,kip")), record, method="impulse4")
+    told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {np.max(plain.moving_drift) / 0.0254:.2g} in"
+    assert any(note.startswith(told) for note in in_inches.notes)
     if rest.history is not None:
         assert rest.history.time[-1] == pytest.approx(rest.rest_time)
         assert f"of 10 stories, {rest.steps} steps to {rest.rest_time:.6g} s" in repr(rest.history)

@@ -102,7 +102,8 @@ def _run(request: Request) -> None:
 
     request.check_files()
     model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
-    request = replace(request, output_units=request.output_units or model.output_units)
+    model = replace(model, output_units=request.output_units or model.output_units)
+    request = replace(request, output_units=model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
     if model.damage:
         from tdint.campaign.fragility.type_states import own_type

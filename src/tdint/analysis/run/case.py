@@ -323,8 +323,10 @@ class Case:
         i = int(np.argmax(moving))
         if self.record is None or self.model.excitation.forces or moving[i] <= _MOVING * np.max(stories.peak_drift):
             return ()
+        length, size = self.model.output_units.unit("m")
+        by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
         return (
-            f"the building still moves at the end, the drift of story {i + 1} by about {1e3 * moving[i]:.2g} mm to "
+            f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
             "either side: residual drifts are those of the last moment; --until-rest goes on until it is at rest",
         )
 
