@@ -57,17 +57,18 @@ def read_geonet(lines: Lines) -> list[Series]:
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
     pgv, pgd = (_MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others)
     _check_step(reals[_STEP], texts)
+    units = _units(texts)
     series = Series(
         accelerations,
         reals[_STEP],
-        _units(texts),
+        units,
         channel=code(header_field(_COMPONENT, texts)).upper(),
         station=code(header_field(_SITE, texts)),
         start=_start(integers),
         units_from="format",
         pgv=pgv,
         pgd=pgd,
-        peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", _units(texts)) if header_field(_PEAK, texts) else None,
+        peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", units),
     )
     return [series]
 
