@@ -101,11 +101,14 @@ def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
     assert result.stderr == "Error: signal.csv: is read by this command; write to another place\n"
 
 
-@pytest.mark.parametrize("into", ["out/", "all.csv", None])
-@pytest.mark.parametrize("plot", [False, True])
+@pytest.mark.parametrize(
+    ("into", "plot"),
+    [
+        *(("out/", False), ("all.csv", False), (None, False), ("all.csv", True)),
+        pytest.param("out/", True, marks=pytest.mark.slow),
+    ],
+)
 def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, into, plot):
-    if plot and not into:
-        return
     results, written = [], []
     for jobs in (1, 3):
         place = f"{jobs}/{into}" if into else None

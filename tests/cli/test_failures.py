@@ -26,16 +26,18 @@ def rows(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
 
 
-def test_all_problems_with_the_usual_methods(here, tdint):
-    result = tdint("failures", "--plot", "who.png")
+@pytest.mark.parametrize("named", [["large-step"], pytest.param([], marks=pytest.mark.slow)], ids=["one", "all"])
+def test_problems_with_the_usual_methods(here, tdint, named):
+    result = tdint("failures", "--plot", "who.png", *(word for name in named for word in ("--problem", name)))
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert "nan" not in result.stdout and "inf," not in result.stdout
-    assert list(dict.fromkeys(row["problem"] for row in table)) == list(problems())
+    asked = {name: problem for name, problem in problems().items() if not named or name in named}
+    assert list(dict.fromkeys(row["problem"] for row in table)) == list(asked)
     labels = [integrator.label for integrator in usual_methods()]
     assert {"impulse4:rho_inf=0.0", "wilson:theta=1.3", "chang"} < set(labels)
-    assert len(table) == len(labels) * sum(len(problem.steps) for problem in problems().values())
+    assert len(table) == len(labels) * sum(len(problem.steps) for problem in asked.values())
     assert (here / "who.png").read_bytes().startswith(b"\x89PNG")
     said = result.stderr.splitlines()
     assert said[1].split()[:2] == ["method", "pass"]

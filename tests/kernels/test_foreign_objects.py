@@ -64,7 +64,7 @@ def test_what_no_library_has_is_refused(monkeypatch, objects):
 
 @pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="runs them on Linux on Intel")
 @pytest.mark.skipif(llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types")
-@pytest.mark.parametrize("system", ["macos", "windows"])
+@pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
 def test_an_object_of_another_system_computes_the_same(system):
     """By the other's convention of calls, with functions of this machine's library behind it."""
     done = subprocess.run(

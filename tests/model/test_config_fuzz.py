@@ -192,7 +192,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4), st.booleans())
 def test_any_tree_under_known_keys(tree: dict[str, object], sound_stories: bool) -> None:
     if sound_stories:
