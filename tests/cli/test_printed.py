@@ -85,6 +85,7 @@ def test_what_cannot_be_drawn_is_one_line(here, tdint, words, message):
 
 
 @pytest.mark.usefixtures("laid_out")
+@pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
     result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", "--figure-width", "60mm")
     assert result.exit_code == 2
