@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import click
 
@@ -14,8 +14,6 @@ from tdint_cli.options.values import FileName, Name, Ratio
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class OfMethod(Protocol):
@@ -56,7 +54,7 @@ def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tupl
     return files
 
 
-def plugins(text: str = "", exposed: bool = True) -> Callable[[Function], Function]:
+def plugins(text: str = "", exposed: bool = True) -> headings.Declaration:
     """The option --plugin; `text` says what a command does with them but know them."""
     return option(
         "--plugin",
@@ -134,11 +132,6 @@ until_rest = option(
     is_flag=True,
     help="Go on after that with the ground at rest until the building is: residual drifts are at rest then.",
 )
-
-
-def of_run(command: Function) -> Function:
-    """The options of a run in time: its method, step and length."""
-    return headings.with_options((method, dt, duration, until_rest), command)
 
 
 DRAWN = (

@@ -92,7 +92,7 @@ def _labels(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     return tuple((name, after) for name, _, after in pairs)
 
 
-def _of_print(name: str, field: str, read: Callable[[Any], Any], **settings: Any) -> Callable[[Function], Function]:
+def _of_print(name: str, field: str, read: Callable[[Any], Any], **settings: Any) -> headings.Declaration:
     return option(
         name, f"print_{field}", needs="--plot", expose_value=False, callback=_printed(field, read), **settings
     )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from tdint.ground_motion.processing import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
     from tdint.written_numbers import Grid
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.INTENSITY)
 
