@@ -299,7 +299,10 @@ def checkout():
     with TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("configs", "records"):
-            (folder / part).symlink_to(ROOT / part)
+            (folder / part).mkdir()
+            for one in (ROOT / part).iterdir():
+                if one.name != "__pycache__":  # of a program beside the records, which tests import
+                    (folder / part / one.name).symlink_to(one)
         for shown in ("workshop", "recorded", "campaign", "drift-check", "region", "fields"):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
