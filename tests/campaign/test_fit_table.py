@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table
+from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table, fragility
 from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12
@@ -79,3 +79,12 @@ def test_one_run_without_a_result_is_told(tmp_path: Path) -> None:
     assert result.warnings == (f"{tmp_path / 'runs.csv'}: 1 of 48 runs have no result and are left out",)
     assert [one.failed for one in result.functions] == [1]
     assert math.isfinite(result.functions[0].theta)
+
+
+def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None:
+    file = table(tmp_path, np.repeat(LEVELS[:, None], MOTIONS, axis=1), np.full_like(STATUS, "done"))
+    with pytest.raises(AnalysisError, match="threshold 10: "):
+        fragility(file, 10.0)
+    both = fragility(file, (OVER, 10.0))
+    assert [one.threshold for one in both.functions] == [OVER]
+    assert [str(one)[:13] for one in both.failures] == ["threshold 10:"]

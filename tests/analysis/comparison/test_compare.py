@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
-from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare, parse_requirement
+from tdint.analysis.comparison.compare import _MET, absolute_displacements, case_under, compare, parse_requirement
 from tdint.analysis.comparison.event import Event, _common
 from tdint.analysis.comparison.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
 from tdint.analysis.comparison.fit import _smoothed as smoothed
@@ -469,3 +469,18 @@ def test_coefficients_of_rayleigh_are_fitted_within_a_thousand_times():
         ]
         assert [(one.name, one.start) for one in free] == given
         assert all(one.bounds == pytest.approx((one.start / 1e3, one.start * 1e3)) for one in free)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "met", "missed"),
+    [
+        ("correlation", 0.9, (0.9, 1.0), (0.899, -1.0)),
+        ("peak_ratio", 0.8, (0.8, 1.0, 1.25), (0.799, 1.251)),
+        ("peak_ratio", 1.25, (0.8, 1.0, 1.25), (0.799, 1.251)),
+        ("rms_difference", 0.3, (0.3, 0.0), (0.301,)),
+    ],
+)
+def test_requirements_at_their_limits(name, limit, met, missed):
+    meets, _ = _MET[name]
+    assert all(meets(value, limit) for value in met)
+    assert not any(meets(value, limit) for value in missed)
