@@ -83,7 +83,7 @@ def modules():
 
 def test_modules_are_few_and_their_folders_flat():
     found = [module for module in modules() if module.name != "__init__.py"]
-    assert len(modules()) <= 356
+    assert len(modules()) <= 345
     assert [folder for folder, count in Counter(module.parent for module in found).items() if count > 14] == []
     assert [module for module in found if len(module.parts) > 5] == []  # the package and three folders
 

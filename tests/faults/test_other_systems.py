@@ -77,7 +77,7 @@ def elsewhere(tmp_path_factory):
     def run(*arguments, less=True, **environment):
         paths = [str(folder / "less")] if less else []
         return subprocess.run(
-            [sys.executable, "-m", "tdint_cli", *map(str, arguments)],
+            [sys.executable, "-m", "tdint", *map(str, arguments)],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **environment},
             capture_output=True,
             cwd=folder,

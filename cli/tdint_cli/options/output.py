@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from tdint.errors import UsageError
+from tdint.errors import OutputError, UsageError
+from tdint.input_bytes import STDIN
 from tdint.output_units import SI, OutputUnits
 from tdint.units import LENGTH
 from tdint_cli.drawing import emit_table
@@ -315,3 +317,11 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
 def beside(table: Path, suffix: str) -> Path:
     """The file of another kind beside a table, which may be packed (.csv.gz)."""
     return (table.with_suffix("") if table.suffix.lower() == ".gz" else table).with_suffix(suffix)
+
+
+def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[str | None]) -> None:
+    """Raise OutputError for an output that is one of the files that are read, whatever --overwrite says."""
+    read = {os.path.realpath(file) for file in inputs if file and file != STDIN}
+    for output in outputs:
+        if os.path.realpath(output) in read:
+            raise OutputError(f"{output}: is read by this command; write to another place")

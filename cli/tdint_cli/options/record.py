@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -206,3 +206,14 @@ def of_records_if_any(command: Function) -> Function:
 def of_record(command: Function) -> Function:
     """The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
     return headings.with_options((record, units, component, layout, inventory, scale, processing), command)
+
+
+def notes_of_components(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:
+    """Notes about the components of one file, with its name; what holds for all of them is said once."""
+    notes: dict[str, None] = {}  # a set in the order of arrival
+    for record in records:
+        for note in notes_of(record):
+            common = all(note in notes_of(other) for other in records)
+            whose = record.source if common else f"{record.source}: {record.component or record.id}"
+            notes[f"{whose}: {note}"] = None
+    return tuple(notes)

@@ -14,9 +14,8 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import check_picture, picture_file, refuse_inputs
 from tdint_cli.options.values import FileName, Written, grid
 from tdint_cli.terminal import note, say, warn
 
@@ -156,6 +155,7 @@ def command(request: Request) -> None:
     _check(request)
     model = load_model(request.model)
     units = request.output_units or model.output_units
+    model = replace(model, output_units=units)
     files = [request.recorded, *(request.blind or ())]
     recordings = [load_recording(file, len(model.stories)) for file in files]
     refuse_inputs(request.outputs, [sensor.file for one in recordings for sensor in one.sensors])

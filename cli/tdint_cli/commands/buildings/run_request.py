@@ -14,10 +14,9 @@ from tdint.files import check_outputs
 from tdint.output_units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.profiles import REQUIRE, SuiteRequest, drift_limit
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion
 from tdint_cli.options.headings import BESIDE
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import check_picture, picture_file, refuse_inputs
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.options.values import FileName, Number, Ratio
 

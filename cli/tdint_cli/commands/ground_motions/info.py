@@ -11,10 +11,9 @@ from tdint.errors import TdintError
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.batch.sources import notes_of_components, refuse_inputs
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import Outputs
-from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.output import Outputs, refuse_inputs
+from tdint_cli.options.record import RecordsRequest, notes_of_components
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:

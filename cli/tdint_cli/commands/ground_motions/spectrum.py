@@ -11,11 +11,10 @@ from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.commands.ground_motions import spectrum_kinds as kinds
 from tdint_cli.commands.ground_motions.spectrum_request import AXES, Kind, SpectrumRequest
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
-from tdint_cli.options.output import Outputs
+from tdint_cli.options.output import Outputs, refuse_inputs
 
 _NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "axes", "against", "component", "units")
 """Options that a target alone does not take."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -9,15 +10,16 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from tdint.errors import TdintError
+from tdint.errors import OutputError, TdintError
 from tdint.files import check_outputs, write_files
+from tdint.input_bytes import STDIN
 from tdint.output import figures
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.batch.sources import notes_of_components, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, TablesRequest
 from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
+from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file, refuse_inputs
+from tdint_cli.options.record import notes_of_components
 from tdint_cli.terminal import emit, note, warn
 
 
@@ -185,3 +187,26 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
 
 def _without_header(csv: bytes) -> bytes:
     return csv.partition(b"\n")[2]
+
+
+def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
+    """The CSV file in `folder` for each record: its name without suffix, or with it where several have the same stem.
+
+    Raises
+    ------
+    OutputError
+        Two records would still have the same one.
+    """
+    stems = ["stdin" if file == STDIN else Path(file).stem for file in files]
+    count = Counter(stems)
+    tables: dict[Path, str] = {}
+    for file, stem in zip(files, stems, strict=True):
+        name = stem if count[stem] == 1 or file == STDIN else Path(file).name
+        table = folder / f"{name}.csv"
+        if table in tables:
+            raise OutputError(
+                f"{table}: both {tables[table]} and {file} would be written to it; use -o FILE for all in one file, "
+                "or one folder each"
+            )
+        tables[table] = file
+    return list(tables)

@@ -12,9 +12,8 @@ from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.output import Outputs
+from tdint_cli.options.output import Outputs, refuse_inputs
 from tdint_cli.options.values import Number
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 

@@ -14,10 +14,9 @@ from tdint.output import figures, tables
 from tdint.system import processors
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.drawing import emit_table
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import check_picture, picture_file, refuse_inputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, PairWish, Ratio, intensity, period

@@ -12,9 +12,8 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
-from tdint_cli.options.output import Outputs
+from tdint_cli.options.output import Outputs, refuse_inputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, Number, PairWish, intensity, span_at
