@@ -1,6 +1,6 @@
 """`python -m tdint`: the command `tdint`, which is a package of its own beside this one."""
 
-from importlib import import_module
+import runpy
 
 if __name__ == "__main__":
-    import_module("tdint_cli.main").main()
+    runpy.run_module("tdint_cli", run_name="__main__", alter_sys=True)

@@ -14,13 +14,13 @@ import numpy as np
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
-from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import write_file
 from tdint.input_bytes import is_file
 from tdint.kernels.building.sources import digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse
+from tdint.system import cache_subfolder
 
 EXACT_UP_TO = 100
 """Stories up to which the exact method serves; the cost of its step grows with their square."""

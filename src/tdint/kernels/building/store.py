@@ -22,12 +22,11 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from tdint.cache import cache_home, cache_subfolder, remove_unused
 from tdint.kernels.building.compilable import parse
 from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
-from tdint.system import is_trusted
+from tdint.system import cache_home, cache_subfolder, is_trusted, remove_unused
 
 _DAYS_KEPT = 30
 _DAY = 86400.0
