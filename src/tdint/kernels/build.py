@@ -15,6 +15,7 @@ import json
 import os
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -33,7 +34,8 @@ def main() -> None:
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
 
-    _take_shortcuts()
+    with suppress(ImportError, AttributeError):  # numba's insides may change: without shortcuts it takes longer
+        _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
     # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
     asked: SimpleQueue[bytes] = SimpleQueue()
