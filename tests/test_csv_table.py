@@ -11,10 +11,11 @@ import pytest
 
 from tdint import csv_table
 from tdint.analysis.static.cyclic import read_drift_path
-from tdint.campaign.definition import FactorsFile, GridFile
+from tdint.campaign.definition import FactorsFile
 from tdint.campaign.fragility.fit_table import fragility
 from tdint.campaign.grid_files import read_grid
 from tdint.campaign.inputs import read_factors
+from tdint.campaign.motions import GridFile
 from tdint.campaign.suites.target import read_target
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError

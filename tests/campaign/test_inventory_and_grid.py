@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.campaign.definition import GridFile
 from tdint.campaign.engine.batch import do
 from tdint.campaign.inputs import read_inputs
-from tdint.campaign.motions import GridDraws, GridMotions
+from tdint.campaign.motions import GridDraws, GridFile, GridMotions
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError, TdintError

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
-from tdint.campaign.motions import MeasureLevels, Scales
+from tdint.campaign.motions import GridFile, MeasureLevels, Scales
 from tdint.campaign.sweep import ParameterSweep
 from tdint.ground_motion.pairing import PairNames
 from tdint.ground_motion.processing import RecordChoice
@@ -77,35 +77,6 @@ class SequenceFile:
     file: str
     choice: RecordChoice
     rest: float | None
-
-
-@dataclass(frozen=True)
-class GridFile:
-    """Ground motions at points of a grid, drawn for each building among those near it.
-
-    Attributes
-    ----------
-    file : str
-        EventGrid.csv.
-    units : str
-        Of the motions' samples.
-    neighbors, samples : int
-        Points among which is drawn, and draws for each building.
-    seed : int
-        What is drawn from, with the building's id.
-    distance : str
-        As of `tdint.campaign.motions.COORDINATES`.
-    events : bool
-        Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
-    """
-
-    file: str
-    units: str
-    neighbors: int
-    samples: int
-    seed: int
-    distance: str = "km"
-    events: bool = False
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
-from tdint.campaign.definition import FieldFile, GridFile
-from tdint.campaign.motions import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion
+from tdint.campaign.definition import FieldFile
+from tdint.campaign.motions import Draw, FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError

@@ -15,7 +15,6 @@ from tdint.campaign.definition import (
     CampaignFile,
     FactorsFile,
     FieldFile,
-    GridFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
@@ -30,6 +29,7 @@ from tdint.campaign.motions import (
     FieldMotions,
     FoundMotions,
     GridDraws,
+    GridFile,
     GridMotions,
 )
 from tdint.csv_table import no_number, number, read_table

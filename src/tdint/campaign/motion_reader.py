@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tdint.campaign.definition import FieldFile, GridFile, RecordFiles, SequenceFile
-from tdint.campaign.motions import COORDINATES
+from tdint.campaign.definition import FieldFile, RecordFiles, SequenceFile
+from tdint.campaign.motions import COORDINATES, GridFile
 from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.ground_motion.processing import RecordChoice
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_choice

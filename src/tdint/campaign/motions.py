@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,6 @@ from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.model.inventory.table import InventoryRow
-
-if TYPE_CHECKING:
-    from tdint.campaign.definition import GridFile
 
 
 class Draw(NamedTuple):
@@ -130,6 +127,35 @@ class EveryMotion:
     def description(self) -> dict[str, object]:
         """What is drawn and how, for the fingerprint."""
         return {}
+
+
+@dataclass(frozen=True)
+class GridFile:
+    """Ground motions at points of a grid, drawn for each building among those near it.
+
+    Attributes
+    ----------
+    file : str
+        EventGrid.csv.
+    units : str
+        Of the motions' samples.
+    neighbors, samples : int
+        Points among which is drawn, and draws for each building.
+    seed : int
+        What is drawn from, with the building's id.
+    distance : str
+        As of `tdint.campaign.motions.COORDINATES`.
+    events : bool
+        Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
+    """
+
+    file: str
+    units: str
+    neighbors: int
+    samples: int
+    seed: int
+    distance: str = "km"
+    events: bool = False
 
 
 @dataclass(frozen=True)
