@@ -94,8 +94,8 @@ def test_a_name_stands_for_two_modules_at_most():
 
 
 def imported(tree, known):
-    """The modules that a module needs to be imported: those of its own level, not those for types or in functions."""
-    for node in tree.body:
+    """The modules that a module names, those for types and in functions, too."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
         elif isinstance(node, ast.ImportFrom):
