@@ -37,12 +37,13 @@ costs nothing; matplotlib loads with the first picture.
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.tabular import Tabular
-from tdint.version import __version__
+from tdint.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import failures as failures
@@ -102,29 +103,29 @@ if TYPE_CHECKING:
     info = record_info
 
 
-def _declared() -> dict[str, tuple[str, str]]:
-    """Module and name there of all that a checker of types is told above: it stands there once, and loads on first
-    use."""
+Tabular.tables, Tabular.figures = "tdint.output.tables.to_dict", "tdint.output.plotting"
+
+
+@cache
+def _homes() -> dict[str, tuple[str, str]]:
+    """Module and name there of all that a checker of types is told above: it stands there once, and is read, as it is
+    loaded, on first use."""
     block = Path(__file__).read_text(encoding="utf-8").partition("if TYPE_CHECKING:\n")[2].partition("\n\n\n")[0]
     homes = {name: (module, name) for module, name in re.findall(r"^    from (\S+) import (\w+)", block, re.M)}
     others = {name: homes[called] for name, called in re.findall(r"^    (\w+) = (\w+)$", block, re.M)}
     return {name: homes[name] for name in re.findall(r" as (\w+)$", block, re.M)} | others
 
 
-_HOMES = _declared()
-__all__ = ["__version__", *_HOMES]
-
-Tabular.tables, Tabular.figures = _HOMES["to_dict"][0], _HOMES["plot"][0]
-
-
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
 
     def __getattr__(name: str) -> Any:
-        if name not in _HOMES:
+        if name == "__all__":
+            return __dir__()
+        if name not in _homes():
             raise AttributeError(f"module 'tdint' has no attribute {name!r}")
-        home, called = _HOMES[name]
+        home, called = _homes()[name]
         return getattr(import_module(home), called)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(["__version__", *_homes()])
