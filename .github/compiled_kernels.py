@@ -1,9 +1,10 @@
 """Compiled kernels in the wheel, for the processors that TDINT_WHEEL_TARGETS names as `tdint compile --target` does.
 
-    TDINT_WHEEL_TARGETS=x86-64-v2,x86-64-v3,aarch64,macos-x86-64-v2,macos-aarch64,windows-x86-64-v2 \\
-        python -m build --wheel
+    TDINT_WHEEL_TARGETS=linux-x86-64-v2,linux-x86-64-v3 python -m build --wheel
 
-Without it the wheel has none, and takes a second. Each object is looked into before it is taken (`foreign_objects`).
+They are of one platform, whose tag the wheel has, so that pip takes the right one. Without the variable the wheel has
+no kernels, is for any platform, and takes a second. Each object is looked into before it is taken (`foreign_objects`).
+`wheels.sh` makes all of them.
 """
 
 from __future__ import annotations
@@ -15,9 +16,19 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from sysconfig import get_platform
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+TAGS = {
+    ("linux", True): "manylinux_2_17_x86_64",
+    ("linux", False): "manylinux_2_17_aarch64",
+    ("darwin", True): "macosx_10_9_x86_64",
+    ("darwin", False): "macosx_11_0_arm64",
+    ("win32", True): "win_amd64",
+}
+"""By platform, and whether the processor is Intel's. The objects call the C library's mathematics, nothing newer."""
 
 
 class KernelHook(BuildHookInterface):
@@ -42,12 +53,18 @@ class KernelHook(BuildHookInterface):
         sys.path.insert(0, str(root / ".github"))
         from foreign_objects import check
 
+        tags = set()
         for file in sorted(self._folder.rglob("*.object")):
             head, _, code = file.read_bytes().partition(b"\n")
             about = json.loads(head)
             check(code, about)
             place = f"tdint/kernels/prebuilt/{about['platform']}/{file.name}"
             build_data["force_include"][str(file)] = place
+            tags.add(TAGS.get((about["platform"], "x86-64" in about["target"])) if self._targets != "native" else None)
+        if len(tags) != 1:
+            raise ValueError(f"TDINT_WHEEL_TARGETS={self._targets}: a wheel is for one platform")
+        build_data["tag"] = f"py3-none-{tags.pop() or get_platform().replace('-', '_').replace('.', '_')}"
+        build_data["pure_python"] = False
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)

@@ -8,6 +8,14 @@ from typing import Any
 
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
+_CHECKOUT = re.compile(r"<!-- checkout -->.*?<!-- end: checkout -->\n", re.DOTALL)
+_FIRST_RUN = """```
+$ pip install tdint
+$ tdint init office.yaml --stories 5 --period 0.8
+$ tdint run office.yaml
+```
+
+"""
 _COMMENT = re.compile(r"<!--.*?-->\n*", re.DOTALL)
 _PICTURE = re.compile(r"!\[[^]]*\]\((?!https?:)[^)]*\)\n*")
 _LINK = re.compile(r"\[([^]]*)\]\((?!https?:)([^)#]*)(#[^)]*)?\)")
@@ -22,7 +30,9 @@ class ReadmeHook(MetadataHookInterface):
 
 
 def for_index(text: str) -> str:
-    """A text without comments and pictures; a link to a file of the source archive becomes the file's name."""
+    """A text without comments and pictures, its first run one that needs no checkout; a link to a file of the source
+    archive becomes the file's name."""
+    text = _CHECKOUT.sub(lambda _: _FIRST_RUN, text)
     return _LINK.sub(_words, _PICTURE.sub("", _COMMENT.sub("", text)))
 
 

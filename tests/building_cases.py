@@ -1,7 +1,5 @@
 """Buildings and motions that several tests use, made here from numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tdint.ground_motion.record import Record
@@ -10,13 +8,13 @@ from tdint.model.definition import (
     Excitation,
     Force,
     Initial,
+    Law,
     ModalDamping,
     Model,
     RayleighCoefficients,
     RayleighRatio,
     Story,
 )
-from tdint.model.laws import Law
 
 LINEAR = Law("linear", ())
 FIVE_PERCENT = RayleighRatio((0.05, 0.05), (1, 3))

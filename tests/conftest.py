@@ -1,7 +1,5 @@
 """What all tests have in common."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal
@@ -31,6 +29,8 @@ settings.load_profile("any machine")
 # Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that on to what they
 # start: commands that a test interrupts would never end.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -77,11 +77,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     written_ones = os.environ["TDINT_KERNELS"] == "python"
     if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
-    from tdint.analysis.run.compilation import of_everything
+    from tdint.analysis.run.prepared import of_everything
     from tdint.kernels.building.obtaining import compile_ahead, shown
 
     wanted = of_everything()
-    missing = sum(not file for _, _, file in shown(wanted))
+    missing = sum(not file for _, _, file, _ in shown(wanted))
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:
         terminal.write(f"compiling {missing} time loops for all tests, once: ", flush=True)

@@ -1,7 +1,5 @@
 """How the error of impulse4 falls with the step in one random building after another."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 what a schema must refuse, made from what the keys of a file declare.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 from collections.abc import Callable
@@ -11,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
+from tdint.model.keys.fields import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 
 TYPES: dict[str, Callable[[object], bool]] = {
     "object": lambda value: isinstance(value, dict),

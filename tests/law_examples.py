@@ -1,10 +1,8 @@
 """An example of every drift law, made from what `LAWS` says of its parameters: a new law has one too."""
 
-from __future__ import annotations
-
 import math
 
-from tdint.model.laws import LAWS, Law
+from tdint.model.definition import LAWS, Law
 
 
 def example(name, stiffness, strength):

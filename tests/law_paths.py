@@ -1,13 +1,11 @@
 """A story's law on its own: its table, and the force along a path of the drift."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tdint.kernels import layout
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories import cyclic
-from tdint.model.laws import CODES
+from tdint.kernels.stories import law_state
+from tdint.model.definition import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
 CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
@@ -24,6 +22,6 @@ def law_table(name, *parameters):
 def follow(law_parameters, path):
     """Force along a path that begins at zero, and what is stored and dissipated at its end."""
     drifts = np.array([0.0, *path])
-    result = np.zeros((drifts.size, cyclic.RESULT_COLUMNS))
-    cyclic.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
-    return result[1:, cyclic.SHEAR], result[-1, cyclic.RECOVERABLE], result[-1, cyclic.DISSIPATION]
+    result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
+    law_state.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
+    return result[1:, law_state.SHEAR], result[-1, law_state.RECOVERABLE], result[-1, law_state.DISSIPATION]

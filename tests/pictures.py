@@ -6,8 +6,6 @@ compared: they differ between machines. Charts tell times, so they are drawn on 
 `python tests/pictures.py chain-150-chart.png`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -46,10 +44,10 @@ PICTURES = {
     "kaikoura-frame.png": Picture("tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 --plot={file}",
-        "statics",
+        "comparison",
     ),
     "design-spectrum.png": Picture(
-        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}", "suites"
+        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}", "collapse"
     ),
     "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
     "collapse-prone-frame-fragility.png": Picture(
@@ -58,12 +56,12 @@ PICTURES = {
     "region-fragility.png": Picture(
         f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "collapse"
     ),
-    "failures.png": Picture("tdint failures --plot={file}", "failure_matrix", of_methods=True),
+    "failures.png": Picture("tdint failures --plot={file}", "assessment", of_methods=True),
     "ten-story-bilinear-chart.png": Picture(
-        "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}", "work_precision", timed=True
+        "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}", "assessment", timed=True
     ),
     "chain-150-chart.png": Picture(
-        "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}", "work_precision", timed=True
+        "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}", "assessment", timed=True
     ),
 }
 

@@ -1,13 +1,12 @@
 """Random buildings: in free vibration, conservative or dissipating by their drift laws alone; under a random motion, of
-all laws that are linear branch by branch."""
-
-from __future__ import annotations
+all laws that are linear branch by branch; of all laws and with all else that a model file may say."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from building_cases import LINEAR, Law, ModalDamping, RayleighCoefficients, model, noise, story
+from tdint import load_model, make_record
 from tdint.model.building import assemble
 
 BEND = 0.02
@@ -170,3 +169,151 @@ def checked_building(seed, samples=501, step=0.01):
         record = replace(record, acceleration=record.acceleration + rough)
     method = "exact" if name == "linear" and seed % 14 == 0 else METHODS[seed % len(METHODS)]
     return replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9), record, method
+
+
+ANY_LAW = (
+    *("linear", "bilinear", "bouc-wen", "tanh", "polynomial", "gap"),
+    *("peak-oriented", "trilinear-pinching", "imk", "multilinear-pinching"),
+)
+DEGRADING = ("imk", "multilinear-pinching")
+
+
+def _shaking(rng, dt, duration, peak):
+    """Two hundred harmonics through a filter of the ground, with a rise and a decay, m/s^2."""
+    t = np.arange(round(duration / dt) + 1) * dt
+    ground = rng.uniform(1.0, 5.0)
+    frequency = rng.uniform(0.2, min(15.0, 0.4 / dt), 200)
+    ratio = frequency / ground
+    amplitude = 1.0 / np.sqrt((1.0 - ratio**2) ** 2 + (0.8 * ratio) ** 2)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 200)
+    motion = (amplitude * np.cos(2.0 * np.pi * frequency * t[:, None] + phase)).sum(axis=1)
+    motion *= np.minimum(1.0, t / (0.15 * duration)) * np.exp(-np.maximum(0.0, t - 0.5 * duration) / (0.2 * duration))
+    return motion * peak / np.abs(motion).max()
+
+
+def _law_to_drawn_strength(rng, name, strength, k):
+    """What a model file says of a story's law that yields at about a strength, N, stiffness k, N/m."""
+    drift = strength / k
+
+    def times_drift(low, high):
+        return drift * float(rng.uniform(low, high))
+
+    def of(*values):
+        return float(rng.choice(values))
+
+    def between(low, high):
+        return float(rng.uniform(low, high))
+
+    if name == "bilinear":
+        return {"yield_force": strength, "hardening": of(0, 0.02, 0.05, 0.1)}
+    if name == "bouc-wen":
+        curve = {"hardening": of(0, 0.03, 0.1), "exponent": of(1, 1.5, 2, 5), "beta": of(0.5, 0.7, 1.0)}
+        return {"yield_force": strength, **curve}
+    if name == "tanh":
+        return {"strength": 1.5 * strength}
+    if name == "polynomial":
+        return {"coefficients": [k, 0.0, k * between(-0.02, 0.5) / (4.0 * drift) ** 2]}
+    if name == "gap":
+        return {"gap": 1.5 * drift, "stop_stiffness": 3.0 * k}
+    if name == "peak-oriented":
+        return {"yield_force": strength, "hardening": of(0, 0.02, 0.05), "unloading": of(0, 0.3, 0.5)}
+    if name == "trilinear-pinching":
+        backbone = {"ultimate_force": 1.5 * strength, "ultimate_drift": times_drift(4, 10)}
+        return {"yield_force": strength, **backbone, "pinching": of(0.2, 0.5, 0.8, 1), "unloading": of(0, 0.2, 0.4)}
+    if name == "imk":
+        law = {"yield_force": strength, "plastic_drift": times_drift(4, 12), "post_capping_drift": times_drift(15, 40)}
+        law |= {"capping_ratio": between(1, 1.3), "residual_ratio": between(0.05, 0.4), "ultimate_drift": 100.0 * drift}
+        if rng.random() < 0.8:
+            law["deterioration"] = times_drift(20, 200)
+        if rng.random() < 0.6:
+            law["pinching"] = {"force": between(0.2, 0.8), "drift": between(0.2, 0.8)}
+        return law
+    if name == "multilinear-pinching":
+        backbone = [[drift, strength], [times_drift(4, 8), 1.2 * strength]]
+        backbone += [
+            [times_drift(*to), between(*part) * strength]
+            for to, part in (((12, 20), (0.8, 1.1)), ((40, 60), (0.1, 0.4)))
+        ]
+        law = {"backbone": backbone}
+        law["pinching"] = {"drift": between(0.2, 0.8), "force": between(0.1, 0.6), "unloading": between(-0.1, 0.3)}
+        if rng.random() < 0.8:
+            most = {
+                "stiffness": (0.5, 0.3, 0.1, 0.7),
+                "drift": (0.2, 0.1, 0.05, 0.2),
+                "strength": (0.2, 0.1, 0.05, 0.3),
+            }
+            law["degradation"] = {
+                of_what: {"peak": between(0, peak), "work": between(0, work), "limit": between(low, high)}
+                for of_what, (peak, work, low, high) in most.items()
+            } | {"capacity": between(5, 20)}
+        return law
+    return {}
+
+
+def any_building(seed, laws=None):
+    """A model as a file says it, of one to ten stories with period and strength of frames, and a motion of 8 to 14 s.
+
+    Without `laws` to draw from, of three seeds one has those that degrade, `DEGRADING`, one a single one of `ANY_LAW`,
+    one all. Of ten four have P-delta, three a force on a floor; one in four moves at first, one in five stories has a
+    damper.
+    """
+    rng = np.random.default_rng(990_000 + seed)
+    n = int(rng.integers(1, 11))
+    masses, heights = rng.uniform(50e3, 300e3, n), rng.uniform(2.8, 4.5, n)
+    springs = np.linspace(1.0, 0.5, n) * rng.uniform(0.7, 1.3, n)
+    period = float(rng.uniform(0.08, 0.14) * n + 0.15)
+    matrix = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    springs *= (2.0 * np.pi / period) ** 2 / np.linalg.eigvalsh(matrix / np.sqrt(np.outer(masses, masses)))[0]
+    weights = np.cumsum(masses[::-1])[::-1] * 9.80665
+    dt = float(rng.choice([0.005, 0.01, 0.02, 0.0125, 0.004]))
+    motion = _shaking(rng, dt, float(rng.uniform(8.0, 14.0)), float(rng.uniform(2.0, 6.0)))
+    base = rng.uniform(0.1, 0.35)
+    laws = laws or (DEGRADING, (ANY_LAW[seed // 3 % len(ANY_LAW)],), ANY_LAW)[seed % 3]
+    stories = []
+    for i in range(n):
+        name, k = str(rng.choice(laws)), float(springs[i])
+        strength = float(base * weights[i] * (1.0 + 0.5 * i / max(n - 1, 1)) * rng.uniform(0.8, 1.2))
+        law = _law_to_drawn_strength(rng, name, strength, k)
+        one = {"mass": float(masses[i]), "height": float(heights[i]), "stiffness": k}
+        if law:
+            one["law"] = {"type": name, **law}
+        if name in ("polynomial", "multilinear-pinching"):
+            del one["stiffness"]  # the law says it
+        if rng.random() < 0.2:
+            viscous = float(0.05 * np.sqrt(k * weights[i] / 9.80665))
+            # of every other building's dampers a power law, as strong at 0.1 m/s
+            power = {"coefficient": viscous * 0.1**0.6, "exponent": 0.4, "linear_below": 0.001}
+            one["dashpot"] = power if seed % 6 in (1, 2) else viscous
+        stories.append(one)
+    model = {"stories": stories, "collapse_drift": 0.9}
+    draw = rng.random()
+    if draw < 0.5:
+        model["damping"] = float(rng.choice([0.02, 0.05]))
+    elif draw < 0.7:
+        ratios = rng.uniform(0.01, 0.08, n).tolist()
+        model["damping"] = {"modal": ratios if n > 1 else ratios[0]}
+    elif draw < 0.9:
+        omega = 2.0 * np.pi / period
+        model["damping"] = {"rayleigh": {"mass": 0.05 * omega * 0.1, "stiffness": 0.04 / omega}}
+    if rng.random() < 0.4:
+        model["p_delta"] = True
+    if rng.random() < 0.3:
+        force = {"floor": int(rng.integers(1, n + 1)), "phase": "sin"}
+        force["amplitude"] = float(0.1 * base * weights[0] * rng.uniform(0.2, 1.0))
+        force["omega"] = float(rng.uniform(0.3, 4.0) * 2.0 * np.pi / period)
+        model["excitation"] = {"forces": [force]}
+    if rng.random() < 0.25:
+        drifts, rates = rng.uniform(-0.01, 0.01, n), rng.uniform(-0.3, 0.3, n)
+        model["initial"] = {"displacement": np.cumsum(drifts).tolist(), "velocity": rates.tolist()}
+    return model, make_record(motion, dt=dt, units="m/s^2")
+
+
+def degrading_building(number):
+    """A building of stories that lose strength and stiffness with their turns, without dampers and forces on floors."""
+    definition, record = any_building(number, DEGRADING)
+    for one in definition["stories"]:
+        one.pop("dashpot", None)
+    definition.pop("excitation", None)
+    if isinstance(definition.get("damping"), dict) and "modal" in definition["damping"]:
+        definition["damping"] = 0.03
+    return load_model(definition), record

@@ -4,8 +4,6 @@ A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end
 the line `<!-- session -->`, holds commands and what they print; `--parts` leaves sessions as they are.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import os
@@ -17,19 +15,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from click.testing import CliRunner
-
-from tdint.analysis.assessment.hard_problems import HardProblem, problems
-from tdint.campaign.fragility.run_measures import run_measure
-from tdint.kernels import layout
+from tdint.analysis.assessment.failures import HardProblem, problems
+from tdint.analysis.spectra.drift import DriftSpectrum
+from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum
+from tdint.analysis.spectra.inelastic import InelasticSpectrum
+from tdint.campaign.fragility.measures import run_measure
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
-from tdint.model.laws import LAWS
-from tdint.output.tables import buildings, campaign, damage_states, methods, responses, spectra, studies
+from tdint.model.definition import LAWS
+from tdint.output.tables import buildings, campaign, damage_states, methods, spectra, studies
 from tdint.output.tables import table as shared
-from tdint_cli.main import COMMANDS, GROUPS, cli
+from tdint.output.tables.table import columns_of
+from tdint_cli.main import GROUPS
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -37,18 +36,8 @@ FOLDERS = ("cli", "configs", "records", "src", "tests")
 
 
 def files():
-    """All READMEs."""
-    return [README, *(path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("README.md")))]
-
-
-def help_text():
-    """The help of every command."""
-    parts = []
-    for name in COMMANDS:
-        result = CliRunner().invoke(cli, [name, "--help"], prog_name="tdint", terminal_width=100)
-        assert result.exit_code == 0, result.output
-        parts.append(f"### tdint {name}\n\n```\n{result.output.rstrip()}\n```\n")
-    return "\n".join(parts)
+    """The READMEs and the glossary."""
+    return [README, *(path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.md")))]
 
 
 def _number(value):
@@ -57,18 +46,16 @@ def _number(value):
 
 def _parameters(integrator: Integrator):
     pairs = zip(integrator.method.parameters, integrator.values, strict=True)
-    return ", ".join(f"{parameter.name} = {value:.6g} in {parameter.range}" for parameter, value in pairs)
+    return ", ".join(f"{parameter.name}={value:.6g}" for parameter, value in pairs)
 
 
 def method_table():
     """The catalogue as a table; numbers at the defaults."""
-    rows = ["| method | parameters | order | implicit | largest stable omega dt | rho at infinity | source |"]
-    rows.append("|---|---|---|---|---|---|---|")
+    rows = ["| method | parameters | order | largest stable omega dt | rho_inf | source |", "|---|---|---|---|---|---|"]
     for name in catalogue():
         method = parse(name)
-        implicit = "yes" if method.implicit else "no"
         limit, rho = _number(method.stability_limit), _number(method.rho_inf)
-        cells = (f"`{name}`", _parameters(method), method.order, implicit, limit, rho, method.method.source)
+        cells = (f"`{name}`", _parameters(method), method.order, limit, rho, method.method.source)
         rows.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(rows) + "\n"
 
@@ -116,47 +103,32 @@ def law_table():
 
 
 def model_table():
-    """The models of configs with the first sentences of their comments."""
-    rows = ["| model | what it is | what it shows |", "|---|---|---|"]
+    """The models of configs with the first sentence of their comments."""
+    rows = ["| model | what it is |", "|---|---|"]
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         comment = "\n".join(line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines())
         what, _, rest = comment.partition("\n\n")
-        shows = re.search(r"^Shows: (.*?)(?=^\w+: |\Z)", rest, re.DOTALL | re.MULTILINE)
-        assert shows, f"{path.name} does not say what it shows"
-        cells = (" ".join(text.split()).rstrip(".:").replace("|", "\\|") for text in (what, shows[1]))
-        rows.append(f"| [`{path.stem}`]({path.name}) | {' | '.join(cells)} |")
+        assert re.search(r"^Shows: ", rest, re.MULTILINE), f"{path.name} does not say what it shows"
+        what = " ".join(what.split()).rstrip(".:").replace("|", "\\|")
+        rows.append(f"| [`{path.stem}`]({path.name}) | {what} |")
     return "\n".join(rows) + "\n"
 
 
 def _bound(problem: HardProblem):
-    """What a run has to keep to for the verdict `pass`."""
+    """What a run has to keep to for the verdict `pass`; which error it is stands in the table of `tdint failures`."""
     low = max(fault.low for fault in problem.faults)
     high = min(fault.high for fault in problem.faults)
-    return f"energy ratio from {low:g} to {high:g}" if problem.by_energy else f"{problem.error_of}: at most {high:g}"
+    if problem.by_energy:
+        return f"energy ratio from {low:g} to {high:g}"
+    return f"error at most {high:g}"
 
 
 def problem_table():
-    """The problems on which methods fail, and what they are judged by."""
-    rows = ["| problem | what it is | dt (s) | passes with | source |", "|---|---|---|---|---|"]
+    """The problems on which methods fail, and what they are judged by; their sources stand in `tdint.analysis`."""
+    rows = ["| problem | what it is | passes with |", "|---|---|---|"]
     for problem in problems().values():
-        steps = ", ".join(f"{dt:.4g}" for dt, _ in problem.steps)
-        rows.append(f"| `{problem.name}` | {problem.about} | {steps} | {_bound(problem)} | {problem.source} |")
+        rows.append(f"| `{problem.name}` | {problem.about} | {_bound(problem)} |")
     return "\n".join(rows) + "\n"
-
-
-def layout_table():
-    """The rows of each array that kernels work on, from the comments of `tdint.kernels.layout`."""
-    parts = []
-    for text in re.split(r"\n\n+", Path(layout.__file__).read_text(encoding="utf-8")):
-        head = re.match(r"(?:# .*\n)+", text)
-        rows = re.findall(r"^([A-Z]\w*) = .*?(?:  # (.*))?$", text, re.MULTILINE)
-        if not head or not rows:
-            continue
-        name, colon, words = " ".join(line[2:] for line in head.group().splitlines()).partition(": ")
-        title = f"`{name}`: {words}" if colon else name[0].upper() + name[1:]
-        lines = [f"| `{row}` | {getattr(layout, row):g} | {meaning} |" for row, meaning in rows]
-        parts.append("\n".join([f"{title.rstrip('.')}.", "", "| name | row | |", "|---|---|---|", *lines, ""]))
-    return "\n".join(parts)
 
 
 def _first_sentence(path: Path):
@@ -168,54 +140,56 @@ def _first_sentence(path: Path):
 def layer_table():
     """The layers from the top, as the import contract has them, with what their modules say of themselves."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
-    rows = ["| layer | what it is | its folders |", "|---|---|---|"]
+    rows = ["| layer | what it is |", "|---|---|"]
     for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
         name = layer.strip("()").replace(".", "/")
         place = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
-        inside = [
-            f"`{folder.parent.name}`: {_first_sentence(folder)}" for folder in sorted(place.glob("*/__init__.py"))
-        ]
         module = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-        rows.append(f"| `{name.removeprefix('tdint/')}` | {_first_sentence(module)} | {'<br>'.join(inside)} |")
+        rows.append(f"| `{name.removeprefix('tdint/')}` | {_first_sentence(module)} |")
     return "\n".join(rows) + "\n"
 
 
 def command_list():
     """A line per command, in the groups of the help."""
-    rows = ["| | command | what it gives |", "|---|---|---|"]
+    parts = []
     for group, commands in GROUPS.items():
-        heads = [group, *[""] * (len(commands) - 1)]
-        for head, (name, (_, says)) in zip(heads, commands.items(), strict=True):
-            rows.append(f"| {head} | [`tdint {name}`](cli/README.md#tdint-{name}) | {says} |")
-    return "\n".join(rows) + "\n"
+        lines = [f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, (_, says) in commands.items()]
+        parts.append("\n".join([f"**{group}**", "", *lines, ""]))
+    return "\n".join(parts)
 
 
 MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:0.1")
 
 
-def column_tables():
+def columns():
     """The columns of every table, by command."""
-    tables = {
-        "tdint run": responses.STORY,
-        "history.csv of tdint run": responses.history_columns(1, error=True),
+    return {
+        "tdint run": buildings.STORY,
+        "history.csv of tdint run": buildings.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),
+        "tdint modes --target": buildings.MODAL_RESPONSE,
         "tdint law": buildings.CYCLIC,
         "tdint pushover": buildings.pushover(1),
+        "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
         "tdint compare": (*buildings.COMPARISON, buildings.of_event("")),
         "spectra.csv of tdint compare": (*buildings.COMPARISON_SPECTRA, buildings.of_event("")),
         "fit.csv of tdint compare": buildings.FITTED,
         "tdint inventory": buildings.INVENTORY,
         "tdint inventory --rules capacity": buildings.OF_CLASSES,
         "tdint info": spectra.INFO,
-        "tdint spectrum": (*shared.OF_RECORD, *spectra.SPECTRUM, *spectra.CHOICES),
+        "tdint spectrum": (*shared.OF_RECORD, *columns_of(Spectrum, "maxima", "interpolation")),
         "tdint spectrum --against": (*shared.OF_RECORD, *spectra.difference("psa_m_s2")),
         "tdint spectrum --target": spectra.TARGET,
-        "tdint spectrum --rotd 50,100": (*spectra.OF_MOTION, *spectra.rotated((50, 100)), *spectra.CHOICES),
-        "tdint spectrum --ductility": (*shared.OF_RECORD, *spectra.INELASTIC),
-        "tdint spectrum --oscillator 1 --history": spectra.OSCILLATOR,
-        "tdint drift-spectrum": (*shared.OF_RECORD, *spectra.DRIFT_SPECTRUM),
+        "tdint spectrum --rotd 50,100": (
+            *spectra.OF_MOTION,
+            *spectra.rotated((50, 100)),
+            *columns_of(Spectrum, "maxima", "interpolation")[-2:],
+        ),
+        "tdint spectrum --ductility": (*shared.OF_RECORD, *columns_of(InelasticSpectrum)),
+        "tdint spectrum --oscillator 1 --history": (*shared.OF_RECORD, *columns_of(OscillatorMotion)),
+        "tdint drift-spectrum": (*shared.OF_RECORD, *columns_of(DriftSpectrum)),
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
@@ -232,7 +206,7 @@ def column_tables():
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,
-        "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL),
+        "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL, *studies.COUNTED),
         "tdint fragility --im sa,pga": (*studies.COMPARED, *studies.DEPENDENCE),
         "tdint methods": methods.METHOD,
         "tdint stability": methods.STABILITY,
@@ -242,20 +216,28 @@ def column_tables():
         "tdint examples": (*methods.EXAMPLE, methods.rank(lambda run: None), methods.OUTCOME),
         "tdint chart": (methods.CHART_STORIES, *methods.CHART),
     }
-    parts = []
-    for name, group in tables.items():
-        rows = [f"| `{column.name}` | {column.meaning} |" for column in group]
-        parts.append("\n".join([f"### Columns of {name}", "", "| column | meaning |", "|---|---|", *rows, ""]))
-    return "\n".join(parts)
+
+
+def column_tables():
+    """The columns of every table, each with its meaning where it first has it."""
+    told, lines, groups = set(), [], {}
+    for name, group in columns().items():
+        cells = [(column.name, column.meaning) for column in group]
+        if same := groups.get(tuple(cells)):
+            lines.append(f"- **{name}**: those of {same}")
+            continue
+        groups[tuple(cells)] = name
+        words = [f"`{head}`" + (f" ({meaning})" if (head, meaning) not in told else "") for head, meaning in cells]
+        lines.append(f"- **{name}**: {', '.join(words)}")
+        told |= set(cells)
+    return "\n".join(lines) + "\n"
 
 
 PARTS = {
     "columns": column_tables,
     "commands": command_list,
-    "help": help_text,
     "layers": layer_table,
     "laws": law_table,
-    "layout": layout_table,
     "methods": method_table,
     "models": model_table,
     "problems": problem_table,

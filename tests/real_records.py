@@ -1,7 +1,5 @@
 """Real records, none of which comes with the project: taken from the folder that TDINT_RECORDS names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

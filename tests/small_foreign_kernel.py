@@ -5,8 +5,6 @@ which a function of LLVM's on either side turns into the other: around the kerne
 library that it calls.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 

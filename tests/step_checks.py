@@ -1,80 +1,22 @@
 """What the tests of several families measure on the compiled steps, and dense matrices to compare with."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from scipy.linalg import eigh
 
 from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model, oscillator, story
-from references import smooth
-from tdint.analysis.run.amplification import amplification
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Scene
+from tdint.kernels.stepping import Scene
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
 RAYLEIGH = RayleighCoefficients(mass=0.8, stiffness=2e-3)
-OMEGA = 2.0 * np.pi
-U0, V0 = 0.3, 1.0
 FORCE = Force(1, 3.0, 2.0, 5.0)
-CUBIC = (40.0, 30.0, 200.0)  # f = 40 u + 30 u^2 + 200 u^3
-
-
-def _smooth(case):
-    """A driven oscillator with a damper, 1 kg, from a displacement and a velocity."""
-    start = {"forces": [FORCE], "displacement": (U0,), "velocity": (V0,)}
-    if case == "linear":
-        return oscillator(OMEGA, 0.05, **start)
-    return model([story(1.0, CUBIC[0], Law("polynomial", CUBIC), dashpot=0.5)], **start)
-
-
-def _acceleration(case):
-    """u'' of `_smooth` as a function of t, u, v."""
-
-    def linear(t, u, v):
-        return load(t) - 0.1 * OMEGA * v - OMEGA**2 * u
-
-    def cubic(t, u, v):
-        return load(t) - 0.5 * v - (CUBIC[0] * u + CUBIC[1] * u**2 + CUBIC[2] * u**3)
-
-    def load(t):
-        return FORCE.cosine * np.cos(FORCE.omega * t) + FORCE.sine * np.sin(FORCE.omega * t)
-
-    return linear if case == "linear" else cubic
-
-
-@cache
-def _exact(case, steps):
-    """u, v, a of `_smooth` at the steps of one second."""
-    acceleration = _acceleration(case)
-    times = np.linspace(0.0, 1.0, steps + 1)
-    u, v = smooth(acceleration, U0, V0, times)
-    return u, v, acceleration(times, u, v)
-
-
-def errors(method, case, steps):
-    """Largest errors of u, v, a over one second in `steps` steps."""
-    history = run(_smooth(case), method=method, dt=1.0 / steps, duration=1.0, history=True).history
-    got = (history.displacement, history.velocity, history.acceleration)
-    return np.array([np.max(np.abs(x[:, 0] - y)) for x, y in zip(got, _exact(case, steps), strict=True)])
-
-
-def orders(method, case, steps=320):
-    """Orders of u, v, a from `steps` and twice as many steps."""
-    return np.log2(errors(method, case, steps) / errors(method, case, 2 * steps))
-
-
-def period_error_and_damping(method):
-    """Elongation of the period and numerical damping ratio of an undamped oscillator at h/T = 0.1, in percent."""
-    omega_h = 0.2 * np.pi
-    roots = np.linalg.eigvals(amplification(parse(method), np.array([omega_h]), np.zeros(1), 1.0)[0])
-    exponent = np.log(roots[np.argmax(roots.imag)])
-    return 100.0 * (omega_h / exponent.imag - 1.0), -100.0 * exponent.real / abs(exponent)
 
 
 def building(damping=None, nonlinear=False, **more):
@@ -160,3 +102,15 @@ class SingleSteps:
     def memory(self):
         """State and committed drift laws."""
         return np.vstack([self.space.state, self.space.springs[: at.SPRING_ROWS]])
+
+
+def broken(threshold):
+    """A march that diverges below a step, in place of `Case.march`."""
+    march = Case.march
+
+    def fails(case, steps, history=False):
+        if steps.h < threshold:
+            raise FailedRun("broken", "diverged", case.method.label, steps.h)
+        return march(case, steps, history)
+
+    return fails

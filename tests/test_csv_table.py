@@ -1,7 +1,5 @@
 """CSV files with a header: what every reader of one refuses, and what a column's cells must be."""
 
-from __future__ import annotations
-
 import io
 import math
 import os
@@ -10,16 +8,16 @@ import sys
 import pytest
 
 from tdint import csv_table
-from tdint.analysis.static.cyclic import read_drift_path
+from tdint.analysis.spectra.target import read_target
+from tdint.analysis.static import read_drift_path
 from tdint.campaign.definition import FactorsFile
 from tdint.campaign.fragility.fit_table import fragility
-from tdint.campaign.grid_files import read_grid
 from tdint.campaign.inputs import read_factors
 from tdint.campaign.motions import GridFile
-from tdint.campaign.suites.target import read_target
+from tdint.campaign.sites import read_grid
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.model.inventory.table import read_inventory
+from tdint.model.inventory import read_inventory
 
 
 def grid(source):

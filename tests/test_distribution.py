@@ -1,16 +1,17 @@
 """What a user installs: metadata, source archive, the package as a command."""
 
-from __future__ import annotations
-
 import ast
+import importlib.util
 import re
 import subprocess
 import sys
 import tomllib
+import types
 from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -49,6 +50,22 @@ def test_the_description_leads_nowhere_that_an_index_has_not():
     assert "<!--" not in description
 
 
+def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
+    file = ROOT / ".github" / "index_readme.py"
+    interface = types.ModuleType("hatchling.metadata.plugin.interface")
+    interface.MetadataHookInterface = object  # of the builder, which tests need not have
+    monkeypatch.setitem(sys.modules, interface.__name__, interface)
+    for name in ("hatchling", "hatchling.metadata", "hatchling.metadata.plugin"):
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    spec = importlib.util.spec_from_file_location("index_readme", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = module.for_index((ROOT / "README.md").read_text(encoding="utf-8"))
+    begin = text[: text.index("\n## ")]
+    assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == ["pip install", "tdint init", "tdint run"]
+    assert "checkout" not in begin
+
+
 def test_the_source_archive_has_what_the_checkout_has():
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     if listing.returncode:
@@ -56,6 +73,83 @@ def test_the_source_archive_has_what_the_checkout_has():
     taken = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     top = {line.partition("/")[0] for line in listing.stdout.splitlines()}
     assert top - set(taken) <= {"pyproject.toml", ".gitignore"}  # which hatchling takes by itself
+
+
+def release():
+    """The module that a release goes by."""
+    specification = importlib.util.spec_from_file_location("release", ROOT / ".github" / "release.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def test_what_is_told_of_the_software_is_told_alike():
+    faults = release().faults("v0.0.1", "2026-01-01")
+    assert [one for one in faults if "release.py" in one] == []  # codemeta.json and the BibTeX entry are up to date
+    assert any("0.0.1 in the tag" in one for one in faults)
+    assert any("2026-01-01 in the tagged commit" in one for one in faults)
+    empty = [name for name, value in PROJECT["tool"]["tdint"].items() if not value]
+    assert [one for one in faults if one.endswith("is empty")] == [
+        f"pyproject.toml: [tool.tdint] {name} is empty" for name in empty
+    ]
+    recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text()
+    needed = re.search(r"run: \[python >=3.11, (.*)\]", recipe)[1].replace("matplotlib-base", "matplotlib")
+    assert needed.replace(" ", "").split(",") == PROJECT["project"]["dependencies"]
+    assert f"version: {release().read()[0]['version']}\n" in recipe
+
+
+def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
+    """With the tag's version and day everywhere, and somebody to write to."""
+    module = release()
+    citation, project = module.read()
+    project["tool"]["tdint"] = {"contact": "somebody", "repository": "somewhere"}
+    citation |= {"version": "1.2.3", "date-released": "2026-12-31"}
+    for name, text in {
+        "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2026-12-31)\n",
+        "README.md": module.bibtex(citation, project),
+        "src/tdint/system.py": '__version__ = "1.2.3"\n',
+        "codemeta.json": module.codemeta(citation, project),
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(module, "CODEMETA", tmp_path / "codemeta.json")
+    monkeypatch.setattr(module, "README", tmp_path / "README.md")
+    monkeypatch.setattr(module, "read", lambda: (citation, project))
+    assert module.faults("v1.2.3", "2026-12-31") == []
+    assert "  year    = {2026}," in module.bibtex(citation, project)
+
+
+def test_the_licenses_are_told_apart():
+    assert PROJECT["project"]["license"] == "BSD-3-Clause AND LicenseRef-CC-BY-3.0-NZ"
+    code, data = ((ROOT / name).read_text(encoding="utf-8") for name in PROJECT["project"]["license-files"])
+    assert code.startswith("BSD 3-Clause License") and code.rstrip().endswith("POSSIBILITY OF SUCH DAMAGE.")
+    assert "LicenseRef-CC-BY-3.0-NZ" in data and "GeoNet" in data
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem)
+def test_a_workflow_runs_what_it_was_checked_with(file):
+    """Actions are named by hash, rights are the least, and no job runs for hours."""
+    text = file.read_text(encoding="utf-8")
+    flow = yaml.safe_load(text)
+    assert flow["permissions"] == {"contents": "read"}
+    assert "concurrency" in flow
+    for job in flow["jobs"].values():
+        if "uses" not in job:
+            assert job["timeout-minutes"] <= 120
+            assert job.get("permissions", {"id-token": "write"}) == {"id-token": "write"}
+    used = re.findall(r"uses: (?!\./)(\S+)", text)
+    assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", one)] == []
+
+
+def test_the_paper_is_short_and_what_it_cites_is_there():
+    head, _, body = (ROOT / ".github/paper/paper.md").read_text(encoding="utf-8").partition("\nbibliography")
+    assert head.startswith("---\ntitle")
+    assert len(body.split()) <= 1000
+    entries = set(re.findall(r"@\w+\{(\w+),", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")))
+    assert set(re.findall(r"\[@(\w+)", body)) == entries
+    pictures = re.findall(r"!\[(.*?)\]\((.*?)\)", body, re.DOTALL)
+    assert pictures and all((ROOT / ".github/paper" / file).is_file() and "`" in text for text, file in pictures)
 
 
 @pytest.mark.slow  # mypy reads the package anew, without what it keeps

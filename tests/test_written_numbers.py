@@ -1,7 +1,5 @@
 """Ratios and grids from text."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,1 +1,15 @@
 """The tdint command line."""
+
+
+def start() -> None:
+    """Entry point of the installed command: until all is loaded that ends it with a word, a signal ends it without."""
+    import os
+    import signal
+
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(number, lambda ended, _: os._exit(128 + ended))
+    from tdint_cli.main import main
+
+    main()

@@ -1,6 +1,6 @@
 """`python -m tdint_cli`: the command `tdint`."""
 
-from tdint_cli.main import main
+from tdint_cli import start
 
 if __name__ == "__main__":
-    main()
+    start()

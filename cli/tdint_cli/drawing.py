@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from tdint_cli.terminal import emit, is_terminal
 
 if TYPE_CHECKING:
-    from tdint.output.tables.table import Table
+    from tdint.output.tables.table import Cell, Table
 
 
 T = TypeVar("T")
@@ -19,6 +19,10 @@ _DIGITS = 5
 _GAP = "  "
 _NARROWEST = 8
 """Characters of a column's name on one line at least."""
+
+_ERROR = "error_%"
+_NO_FILES = ("unit", "units", "notes")
+"""Columns of words that are no paths: m/s^2."""
 
 _FOLDER = "/"
 _FEW = 3
@@ -43,9 +47,33 @@ def table_bytes(table: Table, width: int | None) -> bytes:
         return table.csv()
     from tdint.output.tables.table import CORRECTED
 
-    table = table.chosen(name for name in table.columns if not name.startswith(CORRECTED))
+    table = _errors_beside(table.chosen(name for name in table.columns if not name.startswith(CORRECTED)))
     units = {name: said.get("unit", "1") for name, said in table.meanings.items()}
     return draw(table.columns, table.rows, width, units).encode("utf-8", "replace")
+
+
+def _errors_beside(table: Table) -> Table:
+    """A table whose errors stand behind what they are errors of, in percent of it, two digits: there are more columns
+    than a screen is wide."""
+    from tdint.output.tables.table import Table
+
+    places = {name: i for i, name in enumerate(table.columns)}
+    errors = {i: places[f"{name}_error"] for name, i in places.items() if f"{name}_error" in places}
+    names: list[str] = []
+    rows: list[list[Cell]] = [[] for _ in table.rows]
+    for name, i in places.items():
+        if i in errors.values():
+            continue
+        names += [name, _ERROR] if i in errors else [name]
+        for row, cells in zip(rows, table.rows, strict=True):
+            row += [cells[i], _percent(cells[errors[i]], cells[i])] if i in errors else [cells[i]]
+    return Table(tuple(names), list(map(tuple, rows)), table.meanings)
+
+
+def _percent(error: Cell, value: Cell) -> Cell:
+    if not isinstance(error, float) or not isinstance(value, float) or math.isnan(error) or not value:
+        return None
+    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def emit_table(table: Table) -> None:
@@ -66,7 +94,8 @@ def draw(
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
     numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
     common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
-    folders = {i: folder for i in filled if i not in numeric and (folder := _folder(_at(cells, i)))}
+    files = [i for i in filled if i not in numeric and columns[i] not in _NO_FILES]
+    folders = {i: folder for i in files if (folder := _folder(_at(cells, i)))}
     for i, folder in folders.items():
         if i not in common:
             for row in cells:
@@ -85,7 +114,9 @@ def draw(
     above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
     above += "".join(f"{columns[i]}: in {folder}\n" for i, folder in folders.items() if i not in common)
     keys = _keys([(text, len(column[0])) for text, column in drawn], width)
-    blocks = _blocks([len(column[0]) for _, column in drawn], keys, width)
+    shown = [i for i in filled if i not in common]
+    errors = {place for place, i in enumerate(shown) if columns[i] == _ERROR}
+    blocks = _blocks([len(column[0]) for _, column in drawn], keys, width, errors)
     return above + "\n".join("\n".join(_lines([drawn[i][1] for i in block])) + "\n" for block in blocks)
 
 
@@ -137,7 +168,7 @@ def _broken(name: Sequence[str], room: int) -> list[str]:
 
 def _words(name: str, units: Mapping[str, str]) -> list[str]:
     """The words of a column's name, its unit last and whole."""
-    from tdint.quantity import suffix
+    from tdint.units import suffix
 
     bare, unit = name.removesuffix("_error"), units.get(name, "1")
     end = suffix(unit) if bare.endswith(suffix(unit)) else ""
@@ -159,13 +190,15 @@ def _keys(columns: Sequence[tuple[bool, int]], width: int) -> int:
     return 1
 
 
-def _blocks(widths: Sequence[int], keys: int, width: int) -> list[list[int]]:
-    """Columns that fit on the screen together; the first ones, which name the row, stand in every block."""
+def _blocks(widths: Sequence[int], keys: int, width: int, errors: Collection[int] = ()) -> list[list[int]]:
+    """Columns that fit on the screen together, errors with what they are errors of; the first ones, which name the row,
+    stand in every block."""
     names = list(range(min(keys, len(widths))))
     blocks = [list(names)]
     for i in range(len(names), len(widths)):
         used = sum(widths[k] + len(_GAP) for k in blocks[-1])
-        if used + widths[i] > width and len(blocks[-1]) > len(names):
+        both = widths[i] + (len(_GAP) + widths[i + 1] if i + 1 in errors else 0)
+        if i not in errors and used + both > width and len(blocks[-1]) > len(names):
             blocks.append(list(names))
         blocks[-1].append(i)
     return blocks

@@ -18,47 +18,47 @@ from typing import Any, NoReturn
 import click
 
 from tdint.errors import did_you_mean
-from tdint_cli.errors import end_in_time, exit_code_of
-from tdint_cli.options.headings import general, write_options
-from tdint_cli.terminal import Settings
+from tdint.files import KEPT, READ
+from tdint_cli.options.grammar import HelpAsData, general, write_options
+from tdint_cli.terminal import Settings, emit, end_in_time, exit_code_of
 
 GROUPS = {
     "Buildings": {
-        "init": ("buildings.init", "A first model of a building, with comments, that runs as it is."),
-        "check": ("buildings.check", "What is wrong with model files, all at once, or what they are."),
-        "run": ("buildings.run", "Response of a building in time: the peaks of each story."),
-        "modes": ("buildings.modes", "Periods, damping ratios, modal masses and shapes of a building."),
-        "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),
-        "pushover": ("buildings.pushover", "Base shear of a building over its roof displacement, pushed slowly."),
-        "compare": ("buildings.compare", "A building's result beside what was recorded in it."),
-        "inventory": ("buildings.inventory", "Shear buildings by rules from a table of buildings."),
+        "init": ("init", "A first model of a building, with comments, that runs as it is."),
+        "check": ("check", "What is wrong with model files, all at once, or what they are."),
+        "run": ("run", "Response of a building in time: the peaks of each story."),
+        "modes": ("modes", "Periods, damping ratios, modal masses and shapes of a building."),
+        "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
+        "pushover": ("pushover", "Base shear of a building over its roof displacement, pushed slowly."),
+        "compare": ("compare", "A building's result beside what was recorded in it."),
+        "inventory": ("inventory", "Shear buildings by rules from a table of buildings."),
     },
     "Ground motions": {
-        "info": ("ground_motions.info", "What ground-motion records are and how strong."),
-        "spectrum": ("ground_motions.spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
+        "info": ("info", "What ground-motion records are and how strong."),
+        "spectrum": ("spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
         "drift-spectrum": (
-            "ground_motions.drift_spectrum",
+            "drift_spectrum",
             "Drift spectra: the largest story drifts of shear buildings.",
         ),
     },
     "Studies": {
-        "campaign": ("studies.campaign", "Runs of many buildings under many records at many levels."),
-        "scale": ("studies.scale", "Factors that scale ground motions to a value or to a target spectrum."),
-        "ida": ("studies.ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
-        "sensitivity": ("studies.sensitivity", "How much each parameter of a building moves its peaks."),
-        "fragility": ("studies.fragility", "Fragility functions: the probability of exceedance over intensity."),
+        "campaign": ("campaign", "Runs of many buildings under many records at many levels."),
+        "scale": ("scale", "Factors that scale ground motions to a value or to a target spectrum."),
+        "ida": ("ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
+        "sensitivity": ("sensitivity", "How much each parameter of a building moves its peaks."),
+        "fragility": ("fragility", "Fragility functions: the probability of exceedance over intensity."),
     },
     "Methods": {
-        "methods": ("methods.methods", "The time-integration methods: parameters, order, stability, source."),
+        "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
         "stability": (
-            "methods.stability",
+            "stability",
             "Spectral radius, period error and numerical damping of methods over dt/T.",
         ),
-        "overshoot": ("methods.overshoot", "First steps of methods under a large step, and how they grow with it."),
-        "order": ("methods.order", "Observed order of methods, from their errors over halved steps."),
-        "failures": ("methods.failures", "Which methods fail on hard problems with known answers, and how."),
-        "examples": ("methods.examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
-        "chart": ("methods.chart", "Time against accuracy: what methods cost and how much they err on a building."),
+        "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
+        "order": ("order", "Observed order of methods, from their errors over halved steps."),
+        "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
+        "examples": ("examples", "Examples of the paper that proposed impulse: errors of methods, and its figures."),
+        "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
     },
     "Housekeeping": {
         "compile": ("compile", "Compile time loops ahead of their first use."),
@@ -72,7 +72,7 @@ COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.it
 """The commands of all groups."""
 
 
-class LazyGroup(click.Group):
+class LazyGroup(HelpAsData, click.Group):
     """A group whose commands are modules of `tdint_cli.commands`."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -108,18 +108,21 @@ class LazyGroup(click.Group):
         self.format_commands(ctx, formatter)
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
-        """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.errors` tells."""
+        """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        sys.exit(copy_context().run(exit_code_of, run, settings))  # what options set ends with the command
+        context = copy_context()  # what options set ends with the command
+        for noted in (READ, KEPT):  # what the command reads, from now on
+            context.run(noted.set, {})
+        sys.exit(context.run(exit_code_of, run, settings))
 
 
 def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
-        from tdint.version import __version__
+        from tdint.system import __version__
 
-        click.echo(f"tdint {__version__}")
+        emit(f"tdint {__version__}\n".encode())
         ctx.exit()
 
 
@@ -170,6 +173,8 @@ def main() -> None:
     ended = end_in_time()
     try:
         cli.main(prog_name="tdint")
+    except SystemExit as end:
+        ended(end.code)
+        raise
     finally:
-        ended()
         gc.freeze()

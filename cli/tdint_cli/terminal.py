@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import re
 import shlex
+import signal
 import sys
+import threading
+import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import BinaryIO, TypeVar
+from functools import partial
+from typing import Any, BinaryIO, TypeVar
 
 import click
 
-from tdint.errors import OutputError, abridged
+from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
+from tdint.system import do_not_wait
 
 
 @dataclass
@@ -213,3 +220,238 @@ def is_terminal(stream: object) -> bool:
     """Whether a person sees what is written there."""
     isatty = getattr(stream, "isatty", None)
     return bool(isatty and isatty())
+
+
+# ---- From what goes wrong to one line per problem on standard error and an exit code; Ctrl-C, SIGTERM and their like
+# end in time
+#
+# Python sees a signal between two of its own instructions only, and an exception is made of it there. Where a
+# library works on for longer, a thread that the system tells of the signal ends the process: without a temporary
+# file, and without processes left behind.
+
+BUG = 1
+_PACKAGES = {"yaml": "pyyaml"} | {
+    name: name for name in ("llvmlite", "matplotlib", "numba", "numpy", "obspy", "platformdirs", "scipy")
+}
+"""What tdint imports and pip calls so: an installation without dependencies has left one out."""
+
+OUT_OF_MEMORY = 5
+ENDING = tuple(
+    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if name in signal.Signals.__members__
+)
+"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up. The exit code
+is what a shell reports of them, `AFTER_SIGNAL` and their number."""
+
+AFTER_SIGNAL = 128
+INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
+
+_NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|can't start new thread|out of memory")
+"""What loaders, threads and SQLite say where Python itself would raise MemoryError."""
+
+
+class Ended(BaseException):
+    """The process was asked to end by a signal: raised wherever it is, so that no half-written file stays."""
+
+
+class Failures(TdintError):
+    """Inputs of one command that failed, after the others were done; the exit code is the smallest of theirs."""
+
+    def __init__(self, errors: Sequence[TdintError]) -> None:
+        super().__init__("\n".join(map(str, errors)))
+        self.exit_code = min(error.exit_code for error in errors)
+
+
+def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
+    """Run a command and tell its exit code; whatever it raises is reported, after a signal the signal alone."""
+    came: list[int] = []
+    try:
+        with _signals_as_an_exception(came), _warnings_as_lines(), _notes_of_the_library():
+            code = command()
+            code = code if isinstance(code, int) else 0
+    except BaseException as error:  # What loads may make any error of the signal's
+        code = 0 if came else _reported(error, settings)
+    if not came:
+        return code
+    complain(_word_of(came[0]))
+    return AFTER_SIGNAL + came[0]
+
+
+def _word_of(number: int) -> str:
+    return "Interrupted" if number == signal.SIGINT else "Terminated"
+
+
+def _reported(error: BaseException, settings: Settings) -> int:
+    """Say what is wrong, and tell the exit code."""
+    try:
+        raise error
+    except click.ClickException as error:
+        _show(error)
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        complain(_word_of(signal.SIGINT))
+        return INTERRUPTED
+    except Exception as error:
+        if settings.debug:
+            complain(traceback.format_exc().rstrip())
+        lines, code = _report(error)
+        # What is wrong with a file is said in the words of the file.
+        said_by = Settings() if code == ModelError.exit_code else settings
+        for line in lines:
+            complain(f"Error: {line}", said_by)
+        return code
+
+
+def _show(error: click.ClickException) -> None:
+    """What click says of a command line, on one line; `tdint` without anything shows its help."""
+    if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):
+        error.show()
+        return
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    hint = f" (see {context.command_path} --help)" if context else ""
+    complain(f"Error: {' '.join(error.format_message().split())}{hint}")
+
+
+def _report(error: Exception) -> tuple[list[str], int]:
+    """What to say about an error, and its exit code."""
+    if isinstance(error, TdintError):
+        return str(error).splitlines() or [type(error).__name__], error.exit_code
+    if _lacks_memory(error):
+        reason = "not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"
+        return [reason], OUT_OF_MEMORY
+    if isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
+        return [
+            f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"
+        ], UsageError.exit_code
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return [f"internal error (a bug): {text}; run again with --debug"], BUG
+
+
+def _lacks_memory(error: BaseException | None) -> bool:
+    """Whether memory is what an error, or one that it was made of, is about."""
+    while error is not None:
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+            return True
+        if isinstance(error, ImportError | OSError | RuntimeError) and _NO_MEMORY.search(str(error)):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+@contextmanager
+def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
+    """Signals end the command by an exception, and are noted; asking again changes nothing while it cleans up."""
+
+    def end(number: int, _: Any) -> None:
+        came.append(number)
+        sys.unraisablehook = lambda _: None  # Where nothing can be raised the watch ends the process, without a word.
+        for one in handled:
+            signal.signal(one, signal.SIG_IGN)
+        raise Ended
+
+    handled: dict[signal.Signals, Any] = {}
+    hook = sys.unraisablehook
+    if threading.current_thread() is threading.main_thread():  # Elsewhere Python sets no handlers.
+        handled = {one: signal.getsignal(one) for one in ENDING if signal.getsignal(one) in _NOBODY_S}
+    for one in handled:
+        signal.signal(one, end)
+    try:
+        yield
+    finally:
+        for one, before in handled.items():
+            signal.signal(one, before)
+        sys.unraisablehook = hook
+
+
+@contextmanager
+def _warnings_as_lines() -> Iterator[None]:
+    """Show Python's warnings as one line without file and source."""
+
+    def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        warn(" ".join(str(message).split()))
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
+
+
+class _Notes(logging.Handler):
+    """Shows what the library logs as `note: ...`."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        (warn if record.levelno >= logging.WARNING else note)(record.getMessage())
+
+
+@contextmanager
+def _notes_of_the_library() -> Iterator[None]:
+    logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
+    before, propagates = logger.level, logger.propagate
+    # The assumptions of a record come with it, from other processes, too, and are told by the command.
+    handler.addFilter(lambda record: record.name != "tdint.assumptions")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
+        logger.propagate = propagates
+
+
+_PATIENCE = 0.3
+"""How long the command may take to end on its own, s."""
+
+
+def end_in_time() -> Callable[..., None]:
+    """Watch for the signals until this process ends. What comes back is to be called with the exit code when the
+    command has ended and said so: threads may be waited for then, which another signal ends without a word; after a
+    signal nothing is waited for or taken apart, which a library that was left in the middle of its work may not
+    survive."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda code=None: None
+    said = threading.Event()
+    source, told = os.pipe()
+    do_not_wait(told)
+    threading.Thread(target=_watch, args=(source, said), daemon=True).start()
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    for number in ENDING:
+        handler = signal.getsignal(number)
+        if handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli":  # that of `tdint_cli.start`
+            signal.signal(number, _left_to_the_watch)
+    return partial(_ended, said)
+
+
+def _left_to_the_watch(*_: Any) -> None:
+    """Outside of the command, where Python itself would show a traceback, or be ended in the middle of its end."""
+
+
+_NOBODY_S = (signal.SIG_DFL, signal.default_int_handler, _left_to_the_watch)
+"""Handlers that nobody has set: another one, or SIG_IGN (`nohup`), was meant."""
+
+
+def _ended(said: threading.Event, code: object = None) -> None:
+    said.set()
+    if code in [AFTER_SIGNAL + number for number in ENDING]:
+        _end(int(str(code)) - AFTER_SIGNAL, said)
+
+
+def _watch(source: int, said: threading.Event) -> None:
+    # A signal that is ignored is not told; the first one counts.
+    while data := os.read(source, 1):
+        if data[0] in ENDING:
+            threading.Event().wait(_PATIENCE)
+            _end(data[0], said)
+
+
+def _end(number: int, said: threading.Event) -> None:
+    import multiprocessing
+
+    from tdint.files import remove_unfinished
+
+    with suppress(Exception):
+        for process in multiprocessing.active_children():
+            process.kill()
+        remove_unfinished()
+        if not said.is_set():
+            complain(_word_of(number))
+    os._exit(AFTER_SIGNAL + number)

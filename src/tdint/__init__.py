@@ -18,17 +18,20 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
 
-Each command has the function of its name; what these give shows itself in a line, as a table in a notebook, has its
-columns by `to_dict`, is drawn by `plot`, and can be pickled:
+Each command has a function; what these give shows itself in a line, as a table in a notebook, has its columns by
+`to_dict`, is drawn by `plot`, and can be pickled:
 
-    Buildings        init, check, run (run_many, run_case of prepare, run_sequence), modes, law, pushover, compare,
-                     inventory
-    Ground motions   info, spectrum (rotated_spectrum of read_horizontals, constant_ductility, constant_strength,
-                     floor_spectra of a response), drift_spectrum
+    Buildings        first_model, check, run (run_many, run_case of prepare, run_sequence), modes (modal_response),
+                     cyclic_test, pushover (target_displacements), compare, inventory
+    Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals, constant_ductility,
+                     constant_strength, floor_spectra of a response), drift_spectrum
     Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities, fit_cloud)
-    Methods          methods, stability, overshoot, order, failures, examples, chart; load_plugin, register_method,
-                     register_law
-    Housekeeping     compile, validate
+    Methods          methods, stability, overshoot, order, failures, paper_examples, chart (chart_many);
+                     load_plugin, register_method, register_law
+    Housekeeping     compile_model, validate
+
+Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`, `Response`, `Runs` are
+what is given and what comes back.
 
 Text tables that do not tell what they are take a `TextLayout`. All of it loads on first use, so that importing tdint
 costs nothing; matplotlib loads with the first picture.
@@ -36,84 +39,137 @@ costs nothing; matplotlib loads with the first picture.
 
 from __future__ import annotations
 
-import re
-from functools import cache
 from importlib import import_module
-from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
-from tdint.tabular import Tabular
-from tdint.version import __version__ as __version__
+from tdint.system import __version__ as __version__
+from tdint.tabular import Tabular, asked_rightly
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import failures as failures
     from tdint.analysis.assessment.order import order as order
-    from tdint.analysis.assessment.overshoot import overshoot as overshoot
-    from tdint.analysis.assessment.paper_examples import run_examples
+    from tdint.analysis.assessment.paper_examples import paper_examples as paper_examples
+    from tdint.analysis.assessment.stability import overshoot as overshoot
     from tdint.analysis.assessment.stability import stability as stability
+    from tdint.analysis.chart.profiles import chart_many as chart_many
     from tdint.analysis.chart.work_precision import chart as chart
-    from tdint.analysis.comparison.compare import compare as compare
-    from tdint.analysis.run.compilation import compile_model
+    from tdint.analysis.compare import compare as compare
+    from tdint.analysis.run.outcome import FailedRun as FailedRun
+    from tdint.analysis.run.outcome import Response as Response
     from tdint.analysis.run.overview import modes as modes
     from tdint.analysis.run.overview import overview
+    from tdint.analysis.run.prepared import compile_model as compile_model
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
-    from tdint.analysis.run_many import run_many as run_many
-    from tdint.analysis.sequence import run_sequence as run_sequence
+    from tdint.analysis.run.run_many import Runs as Runs
+    from tdint.analysis.run.run_many import run_many as run_many
+    from tdint.analysis.run.sequence import run_sequence as run_sequence
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
     from tdint.analysis.spectra.floors import floor_spectra as floor_spectra
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
+    from tdint.analysis.spectra.modal import modal_response as modal_response
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
-    from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
-    from tdint.analysis.static.pushover import pushover as pushover
+    from tdint.analysis.static import cyclic_test as cyclic_test
+    from tdint.analysis.static import pushover as pushover
+    from tdint.analysis.target_displacement import target_displacements as target_displacements
     from tdint.campaign.carry_out import campaign as campaign
     from tdint.campaign.fragility.fit_table import fragility as fragility
     from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
-    from tdint.campaign.ida.study import ida as ida
+    from tdint.campaign.ida import ida as ida
+    from tdint.campaign.scaling import scale as scale
     from tdint.campaign.sensitivity import sensitivity as sensitivity
-    from tdint.campaign.suites.scaling import scale as scale
+    from tdint.errors import TdintError as TdintError
     from tdint.ground_motion.processing_steps import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
+    from tdint.ground_motion.record import Record as Record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.methods.catalogue import list_methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
     from tdint.model.config.model_file import load_model as load_model
-    from tdint.model.first_model import first_model
-    from tdint.model.inventory.derive import inventory as inventory
-    from tdint.model.laws import register_law as register_law
+    from tdint.model.definition import Model as Model
+    from tdint.model.definition import register_law as register_law
+    from tdint.model.inventory import inventory as inventory
+    from tdint.model.story_curves import first_model as first_model
     from tdint.output.plotting import plot as plot
-    from tdint.output.tables.spectra import record_info
+    from tdint.output.tables.spectra import record_info as record_info
     from tdint.output.tables.to_dict import to_dict as to_dict
-    from tdint.validation.cases import validate as validate
+    from tdint.validation import validate as validate
 
-    examples = run_examples
-    compile = compile_model
     check = overview
-    law = cyclic_test
     methods = list_methods
-    init = first_model
-    info = record_info
 
 
 Tabular.tables, Tabular.figures = "tdint.output.tables.to_dict", "tdint.output.plotting"
 
+_NAMES = {
+    "analysis.assessment.failures": "failures",
+    "analysis.assessment.order": "order",
+    "analysis.assessment.paper_examples": "paper_examples",
+    "analysis.assessment.stability": "overshoot stability",
+    "analysis.chart.profiles": "chart_many",
+    "analysis.chart.work_precision": "chart",
+    "analysis.compare": "compare",
+    "analysis.run.outcome": "FailedRun Response",
+    "analysis.run.overview": "modes",
+    "analysis.run.prepared": "compile_model",
+    "analysis.run.run": "prepare run run_case",
+    "analysis.run.run_many": "Runs run_many",
+    "analysis.run.sequence": "run_sequence",
+    "analysis.spectra.drift": "drift_spectrum",
+    "analysis.spectra.elastic": "spectrum",
+    "analysis.spectra.floors": "floor_spectra",
+    "analysis.spectra.inelastic": "constant_ductility constant_strength",
+    "analysis.spectra.modal": "modal_response",
+    "analysis.spectra.rotated": "rotated_spectrum",
+    "analysis.static": "cyclic_test pushover",
+    "analysis.target_displacement": "target_displacements",
+    "campaign.carry_out": "campaign",
+    "campaign.fragility.fit_table": "fragility",
+    "campaign.fragility.fits": "fit_capacities fit_cloud fit_stripes",
+    "campaign.ida": "ida",
+    "campaign.scaling": "scale",
+    "campaign.sensitivity": "sensitivity",
+    "errors": "TdintError",
+    "ground_motion.processing_steps": "process",
+    "ground_motion.reading.read": "make_record read_horizontals read_record",
+    "ground_motion.record": "Record",
+    "ground_motion.text_layout": "TextLayout",
+    "methods.catalogue": "load_plugin register_method",
+    "model.config.model_file": "load_model",
+    "model.definition": "Model register_law",
+    "model.inventory": "inventory",
+    "model.story_curves": "first_model",
+    "output.plotting": "plot",
+    "output.tables.spectra": "record_info",
+    "output.tables.to_dict": "to_dict",
+    "validation": "validate",
+}
+"""What stands at the top, by the modules below `tdint` where it is; each is imported when a name of it is first used.
+A checker of types is told the same above, and a test holds the two together."""
 
-@cache
-def _homes() -> dict[str, tuple[str, str]]:
-    """Module and name there of all that a checker of types is told above: it stands there once, and is read, as it is
-    loaded, on first use."""
-    block = Path(__file__).read_text(encoding="utf-8").partition("if TYPE_CHECKING:\n")[2].partition("\n\n\n")[0]
-    homes = {name: (module, name) for module, name in re.findall(r"^    from (\S+) import (\w+)", block, re.M)}
-    others = {name: homes[called] for name, called in re.findall(r"^    (\w+) = (\w+)$", block, re.M)}
-    return {name: homes[name] for name in re.findall(r" as (\w+)$", block, re.M)} | others
+_CALLED = {"check": "overview", "methods": "list_methods"}
+"""What has another name where it is: a checker of models, and what is a package there."""
+
+_BEFORE = {
+    "compile": "compile_model",
+    "examples": "paper_examples",
+    "info": "record_info",
+    "init": "first_model",
+    "law": "cyclic_test",
+}
+"""What names of 0.1 are called now."""
+
+_HOMES = {name: f"tdint.{module}" for module, names in _NAMES.items() for name in names.split()}
+_HOMES |= {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
 
 
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
@@ -121,11 +177,12 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
-        if name not in _homes():
-            raise AttributeError(f"module 'tdint' has no attribute {name!r}")
-        home, called = _homes()[name]
-        return getattr(import_module(home), called)
+        if name not in _HOMES:
+            now = f"; it is {_BEFORE[name]!r} now" if name in _BEFORE else ""
+            raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
+        there = getattr(import_module(_HOMES[name]), _CALLED.get(name, name))
+        return asked_rightly(there, name) if isinstance(there, FunctionType) else there
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", *_homes()])
+    return sorted(["__version__", *_HOMES])

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
+from tdint.files import MOST_BYTES, STDIN, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST, how_many
 
 _END = "end"  # a last row of our own
+_OF_A_TABLE = re.compile(r"'[=+@-]")
+"""What tables put before a text that a spreadsheet would take for a formula."""
+
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 
 
@@ -75,6 +81,7 @@ class CsvTable:
                     f"{self.source}:{line}: {how_many(len(cells), 'cell')} under {how_many(len(self.header), 'column')}"
                 )
             text = cells[place].strip() if place < len(cells) else ""
+            text = text[1:] if _OF_A_TABLE.match(text) else text
             if not text and not empty:
                 raise self.error(f"{self.source}:{line}: {name} is missing")
             found.append(text)
@@ -185,6 +192,61 @@ def read_table(
         if name and names.count(name.lower()) > 1:
             raise error(f"{source}:{header_line}: the column {name} is there twice")
     return CsvTable(source, names, titles, header_line, tuple(rows), needs, error)
+
+
+def stream_table(
+    source: str, needs: str, *, columns: Collection[str], comment: str = "", error: type[TdintError] = ModelError
+) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
+    """The same of a table of millions of rows, which are read as they are asked for: the table without its rows, and
+    these with their lines. Errors are those of `read_table`, of the rows when these are read."""
+    if source == STDIN or not Path(source).is_file():
+        whole = read_table(source, needs, columns=columns, comment=comment, error=error)
+        return replace(whole, rows=()), iter(whole.rows)
+    note_input(source, lambda: _digest(source))
+    rows = _streamed(source, error)
+    header_line, header = next(rows, (0, []))
+    while comment and header and header[0].lstrip().startswith(comment):
+        header_line, header = next(rows, (0, []))
+    if not header:
+        raise error(f"{source}: is empty; {needs}")
+    titles = tuple(cell.strip() for cell in header)
+    names = tuple(title.lower() for title in titles)
+    for name in columns:
+        if name and names.count(name.lower()) > 1:
+            raise error(f"{source}:{header_line}: the column {name} is there twice")
+    return CsvTable(source, names, titles, header_line, (), needs, error), rows
+
+
+def _digest(source: str) -> str:
+    with Path(source).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a file that are not blank, and their lines."""
+    with Path(source).open(encoding="utf-8-sig", newline="") as file:
+
+        def lines() -> Iterator[str]:
+            for number, line in enumerate(file, start=1):
+                if "\0" in line:
+                    raise error(f"{source}:{number}: a null character; save it as UTF-8 text")
+                yield line
+            yield from ("\n", f"{_END}\n")
+
+        reader, above, closed = csv.reader(lines(), skipinitialspace=True), 0, False
+        try:
+            for row in reader:
+                closed = row == [_END]
+                if not closed and any(cell.strip() for cell in row):
+                    above = reader.line_num
+                    yield above, row
+        except csv.Error as fault:
+            raise error(f"{source}:{reader.line_num}: no CSV: {fault}") from None
+        except UnicodeDecodeError as fault:
+            byte = fault.object[fault.start]
+            raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
+        if not closed:
+            raise error(f"{source}: a quotation mark below line {above} is not closed")
 
 
 def _lines(source: str, text: str, error: type[TdintError]) -> list[tuple[int, list[str]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 _LONGEST, _HEAD, _TAIL = 1000, 700, 250
 """Characters of a line of a message, and what is kept of the beginning and the end of a longer one."""
@@ -19,6 +20,14 @@ class TdintError(Exception):
 
     def __init__(self, message: str = "") -> None:
         super().__init__(abridged(message))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Not by `__init__`, which may take something else: where an error cannot be read a pool waits for ever.
+        return _again, (type(self), self.args), vars(self)
+
+
+def _again(kind: type[TdintError], arguments: tuple[Any, ...]) -> TdintError:
+    return kind.__new__(kind, *arguments)
 
 
 class UsageError(TdintError):
@@ -53,9 +62,6 @@ class ModelError(TdintError):
     def __init__(self, faults: Sequence[ModelFault] | str) -> None:
         self.faults: tuple[ModelFault, ...] = () if isinstance(faults, str) else tuple(faults)
         super().__init__(faults if isinstance(faults, str) else "\n".join(map(str, faults)))
-
-    def __reduce__(self) -> tuple[type[ModelError], tuple[Sequence[ModelFault] | str]]:
-        return type(self), (self.faults or str(self),)
 
 
 class RecordError(TdintError):

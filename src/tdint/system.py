@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import math
 import os
+import platform
+import re
 import signal
 import stat
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import copy_context
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
@@ -21,6 +25,9 @@ _MOUNTS = Path("/proc/self/mountinfo")
 _REMOTE_DRIVE = 4
 """DRIVE_REMOTE of Windows' GetDriveTypeW."""
 
+_MAY_ASK, _STILL_ACTIVE = 0x1000, 259
+"""PROCESS_QUERY_LIMITED_INFORMATION of Windows' OpenProcess, STILL_ACTIVE of its GetExitCodeProcess."""
+
 START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
 """Forked processes have all that this one has loaded; where forking is not safe, they load it from the cache."""
 
@@ -28,6 +35,50 @@ START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") e
 def processors() -> int:
     """How many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_FINE = 1e-5
+"""The longest tick, s, of a clock that times marches: a hundredth of the shortest ones, which take a millisecond."""
+
+CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall time"}
+
+
+@cache
+def clock() -> str:
+    """The clock that times marches, a key of `CLOCKS` and a function of the module `time`.
+
+    Other work on the machine does not count as processor time. Windows adds it up by ticks of 16 ms, whatever
+    resolution it tells: where the clock is seen to tick as coarsely, wall time is taken.
+    """
+    ticks = []
+    deadline = time.perf_counter() + 0.1  # s; a clock that stands still is none
+    for _ in range(3):  # an interrupt may count for one
+        begin = time.thread_time()
+        while (now := time.thread_time()) == begin:
+            if time.perf_counter() > deadline:
+                return "perf_counter"
+        ticks.append(now - begin)
+    return "thread_time" if min(ticks) <= _FINE else "perf_counter"
+
+
+def seconds() -> float:
+    """What `clock` shows, s."""
+    return float(getattr(time, clock())())
+
+
+def load() -> float | None:
+    """Processes that ran or waited for a processor in the last minute, on average; None where nobody counts them."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+
+def processor() -> str:
+    """What the system calls this machine's processor."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() == "model name":
+                return " ".join(value.split())
+    return platform.processor() or platform.machine() or "a processor that tells no name"
 
 
 def memory() -> int | None:
@@ -190,6 +241,50 @@ def _windows() -> Any:
 # ---- Processes
 
 
+@cache
+def this_host() -> str:
+    """This machine since it was started, or the container of it whose processes we can see: its name, and a hash."""
+    import hashlib
+    import platform
+
+    name = platform.node()
+    seen = [name]
+    with suppress(OSError):
+        seen.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        seen.append(str(Path("/proc/self/ns/pid").readlink()))
+    plain = re.sub(r"[^A-Za-z0-9_.]", "_", name)[:64]
+    return f"{plain}.{hashlib.sha256('|'.join(seen).encode()).hexdigest()[:8]}"
+
+
+def process_start(process: int) -> int:
+    """When a process was started, in ticks of the system; 0 where it does not tell, or there is none."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
+    except OSError:
+        return 0
+    return 0 if fields[0] in (b"Z", b"X") else int(fields[19])  # the 22nd field of all
+
+
+def is_running(process: int, start: int) -> bool:
+    """Whether a process that was started then is still there; True where the system does not tell."""
+    if start:
+        return process_start(process) == start
+    if (kernel := _windows()) is None:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return False
+        except (OSError, OverflowError):
+            return True
+        return True
+    import ctypes
+
+    code, handle = ctypes.c_ulong(), kernel.OpenProcess(_MAY_ASK, 0, process)
+    kernel.GetExitCodeProcess(handle, ctypes.byref(code))
+    kernel.CloseHandle(handle)
+    return bool(handle) and code.value == _STILL_ACTIVE
+
+
 @contextmanager
 def held_back(signals: Collection[signal.Signals]) -> Iterator[None]:
     """Let signals wait; where that is not possible they do not."""
@@ -313,7 +408,7 @@ def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int)
     try:
         while True:
             while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
-                running.add(pool.submit(work, item))
+                running.add(pool.submit(copy_context().run, work, item))  # what it reads is noted
             if not running:
                 return
             finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
@@ -321,3 +416,34 @@ def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int)
                 yield one.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+# ---- The version of tdint: for people, for packages, and for files that say what wrote them
+
+__version__ = "0.2.0"
+
+
+@cache
+def version_of_sources() -> tuple[str, str]:
+    """The version, with the sources' hash behind it unless they are those that the installed package came with
+    (`0.2.0+sources.1a2b3c4d`), and that hash, 16 hexadecimal digits.
+
+    Nothing tells a checkout that was changed from one that was not: none calls itself a release.
+    """
+    from base64 import urlsafe_b64encode
+    from hashlib import sha256
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    folder = Path(__file__).parent
+    digests = {file.relative_to(folder).as_posix(): sha256(file.read_bytes()) for file in folder.rglob("*.py")}
+    of_all = sha256("".join(f"{name} {digests[name].hexdigest()}\n" for name in sorted(digests)).encode()).hexdigest()
+    try:
+        files = distribution("tdint").files or ()
+    except PackageNotFoundError:  # Imported from a folder, not installed.
+        files = ()
+    packed = {file.as_posix(): file.hash.value for file in files if file.hash}
+    released = all(
+        packed.get(f"{folder.name}/{name}") == urlsafe_b64encode(found.digest()).rstrip(b"=").decode()
+        for name, found in digests.items()
+    )
+    return (__version__ if released else f"{__version__}+sources.{of_all[:8]}"), of_all[:16]

@@ -1,12 +1,177 @@
-"""Results as a person at a Python prompt or in a notebook meets them: a short line, a table, columns for pandas."""
+"""Functions and results as a person at a Python prompt or in a notebook meets them: arguments that are none are told by
+their names; a short line, a table, columns for pandas."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import ast
+import functools
+import inspect
+import numbers
+import os
+import reprlib
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
+
+from tdint.errors import TdintError, UsageError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+_OF_ARGUMENTS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
+"""What Python and numpy raise of an argument that is of another kind than it must be."""
+
+
+class WrongCall(UsageError, TypeError):
+    """A call without an argument that it needs, or with one that it does not have."""
+
+
+@functools.cache
+def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """A function of `tdint` that says which argument is of another kind than its signature tells, if it fails by one.
+
+    Its arguments are looked at then only: whatever works, works. What fails by none of them is a bug, and raised as it
+    is.
+    """
+
+    @functools.wraps(function)
+    def asked(*given: Any, **named: Any) -> Any:
+        try:
+            return function(*given, **named)
+        except TdintError:
+            raise
+        except _OF_ARGUMENTS as error:
+            try:
+                arguments = inspect.signature(function).bind(*given, **named)
+            except TypeError as wrong:
+                raise WrongCall(f"{name}: {wrong}") from None
+            raise _fault(name, arguments) or error from error
+
+    asked.__module__, asked.__qualname__, asked.__name__ = "tdint", name, name  # where pickle finds it
+    return asked
+
+
+def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
+    """The first argument that is not of the kind that its annotation tells; if there is none, the first one that may be
+    anything."""
+    anything = None
+    for parameter in arguments.signature.parameters.values():
+        if parameter.name not in arguments.arguments:
+            continue
+        value = arguments.arguments[parameter.name]
+        of_one = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        annotation = parameter.annotation
+        written = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+        kind = ast.parse(written, mode="eval").body
+        values = value.values() if isinstance(value, dict) and of_one else value if of_one else (value,)
+        got = reprlib.repr(value)
+        if not all(_is_of(one, kind) for one in values):
+            return UsageError(f"{function}: {parameter.name} must be {_in_words(kind)}, got {got}")
+        if anything is None and any(_is_open(part) for part in ast.walk(kind)):
+            anything = UsageError(f"{function}: {parameter.name} cannot be used as it is, got {got}")
+    return anything
+
+
+def _is_open(kind: ast.AST) -> bool:
+    """Whether it stands for anything, or for what only the function can judge: `AnyModel`, `AnyRecord`, ..."""
+    return isinstance(kind, ast.Name) and kind.id.startswith("Any")
+
+
+def _is_of(value: Any, kind: ast.expr) -> bool:
+    """Whether a value is of the kind that an annotation tells."""
+    match kind:
+        case ast.BinOp():
+            return _is_of(value, kind.left) or _is_of(value, kind.right)
+        case ast.Constant():
+            return value is kind.value
+        case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=kinds)):
+            return isinstance(value, tuple) and len(value) == len(kinds) and all(map(_is_of, value, kinds))
+        case ast.Subscript(value=ast.Name(id="Mapping")):
+            return isinstance(value, Mapping)
+        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
+            several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
+            several = several and getattr(value, "ndim", 1) > 0
+            return several and (not hasattr(value, "__len__") or all(_is_of(one, member) for one in value))
+        case ast.Subscript(value=ast.Name(id="NDArray")):
+            return getattr(value, "ndim", 0) == 1
+        case ast.Name(id="Array"):
+            row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
+            return row and len(value) > 0 and all(isinstance(one, numbers.Real) for one in value)
+        case ast.Name(id=name) if name in _KINDS:
+            truth = type(value).__name__ in ("bool", "bool_")
+            return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
+        case ast.Name(id=name):
+            return _is_open(kind) or callable(value) or name in [one.__name__ for one in type(value).__mro__]
+    return True
+
+
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "float": ((numbers.Real,), "a number"),
+    "int": ((numbers.Integral,), "a whole number"),
+    "bool": ((bool,), "True or False"),
+    "str": ((str,), "a text"),
+    "Path": ((os.PathLike,), "a path"),
+}
+
+
+def _in_words(kind: ast.expr) -> str:
+    """An annotation for people."""
+    match kind:
+        case ast.BinOp():
+            return f"{_in_words(kind.left)} or {_in_words(kind.right)}"
+        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
+            return f"a sequence (each {_in_words(member)})"
+        case ast.Name(id="Array") | ast.Subscript(value=ast.Name(id="NDArray")):
+            return "an array of numbers in one row"
+        case ast.Name(id=name) if name in _KINDS:
+            return _KINDS[name][1]
+    return ast.unparse(kind)
+
+
+Progress = Callable[[int, int], None]
+"""Told how much is done, of how much."""
+
+
+def optional(package: str, what: str, extra: str = "notebook") -> Any:
+    """A package that is not needed else; UsageError where it is not installed."""
+    try:
+        return import_module(package)
+    except ImportError:
+        raise UsageError(f"{what} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'") from None
+
+
+@contextmanager
+def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Progress]:
+    """What to tell of progress: nothing, a callable's, or a bar on a terminal or in a notebook; none into a pipe.
+
+    Raises
+    ------
+    UsageError
+        A bar is asked for, and tqdm is not installed; what is neither.
+    """
+    if callable(asked):
+        yield asked
+        return
+    if not isinstance(asked, bool):
+        raise UsageError(f"progress is True, False or a callable (done, of), got {asked!r:.60}")
+    if not asked:
+        yield lambda done, of: None
+        return
+    tqdm = optional("tqdm.auto", "progress=True")
+    # A bar that is not told otherwise draws itself on terminals alone; a notebook is none.
+    with tqdm.tqdm(total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None) as bar:
+
+        def show(done: int, of: int) -> None:
+            bar.update(done - bar.n)
+
+        yield show
 
 
 class Tabular:
@@ -42,7 +207,49 @@ class Tabular:
         columns: dict[str, Any] = import_module(self.tables).to_dict(self, units)
         return columns
 
-    def plot(self, ax: Any = None, units: str = "") -> Any:
+    def to_pandas(self, units: str = "") -> DataFrame:
+        """Its table as a DataFrame of pandas.
+
+        Parameters
+        ----------
+        units : str
+            As of `to_dict`.
+
+        Returns
+        -------
+        pandas.DataFrame
+
+        Raises
+        ------
+        UsageError
+            It has no table, an unknown unit; pandas is not installed.
+        """
+        return optional("pandas", "to_pandas").DataFrame(self.to_dict(units))
+
+    def to_parquet(self, file: str | Path) -> None:
+        """Write its table, SI units, as a Parquet file whose columns say their units; one that is there is replaced.
+
+        Parameters
+        ----------
+        file : str or Path
+            NAME.parquet.
+
+        Raises
+        ------
+        UsageError
+            It has no table; pyarrow is not installed.
+        OutputError
+            The file cannot be written.
+        """
+        import_module(self.tables).to_parquet(self, file)
+
+    @overload
+    def plot(self, ax: None = None, units: str = "") -> Figure: ...
+
+    @overload
+    def plot(self, ax: Axes, units: str = "") -> Axes: ...
+
+    def plot(self, ax: Axes | None = None, units: str = "") -> Figure | Axes:
         """Draw it: a new figure, or its main panel on axes that are there.
 
         Parameters
@@ -55,9 +262,15 @@ class Tabular:
         Returns
         -------
         matplotlib.figure.Figure or matplotlib.axes.Axes
-            The figure, of this call alone: matplotlib's pyplot does not know it; or the axes that were given.
+            The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes given.
+
+        Raises
+        ------
+        UsageError
+            It has no picture, or no main panel; an unknown unit.
         """
-        return import_module(self.figures).plot(self, ax=ax, units=units)
+        drawn: Figure | Axes = import_module(self.figures).plot(self, ax=ax, units=units)
+        return drawn
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self._headline()}>"
@@ -106,8 +319,17 @@ class FunctionPackage(ModuleType):
 
     def __call__(self, *given: Any, **named: Any) -> Any:
         """Call the function."""
+        return self._function(*given, **named)
+
+    @property
+    def _function(self) -> Callable[..., Any]:
         whole, _, name = self.__name__.rpartition(".")
-        return import_module(whole).__getattr__(name)(*given, **named)
+        function: Callable[..., Any] = import_module(whole).__getattr__(name)
+        return function
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.signature(self._function)
 
 
 def modules_on_use(package: str) -> Callable[[str], ModuleType]:

@@ -25,6 +25,20 @@ def how_many(count: int, what: str) -> str:
     return f"{count} {what if count == 1 else several}"
 
 
+def parse_head(text: str) -> tuple[tuple[str, str], ...]:
+    """Names and texts of the lines at the top of a page: `Project: Bridge 7; Author: A. B.`.
+
+    Raises
+    ------
+    UsageError
+        A part without a name or without a text.
+    """
+    parts = [part.partition(":") for part in text.split(";") if part.strip()]
+    if not parts or not all(name.strip() and told.strip() for name, _, told in parts):
+        raise UsageError(f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. B.'")
+    return tuple((name.strip(), told.strip()) for name, _, told in parts)
+
+
 def parse_ratio(text: str) -> float:
     """A ratio: a number such as `0.05`, or a percentage such as `5%`.
 

@@ -1,7 +1,5 @@
 """What callers of the Python interface give in the place of a model, a record or a number."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Many runs in one call are single runs, to the last bit: peaks, histories, how they end."""
 
-from __future__ import annotations
-
 import pickle
 import re
 
@@ -11,7 +9,7 @@ import pytest
 import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.analysis.run.outcome import STORY, FailedRun
-from tdint.analysis.run_many import KEPT
+from tdint.analysis.run.run_many import KEPT
 from tdint.errors import ModelError, UsageError
 from tdint.model.definition import RayleighRatio
 from tdint.units import STANDARD_GRAVITY

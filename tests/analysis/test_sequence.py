@@ -1,7 +1,5 @@
 """Shocks one after the other: equal to a record put together by hand, states carried over, peaks of each."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,11 +8,10 @@ import pytest
 import tdint
 from building_cases import ten_bilinear
 from tdint.analysis.run.outcome import StoryPeaks
-from tdint.analysis.sequence import run_sequence, sequence_of
+from tdint.analysis.run.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
-from tdint.ground_motion.joining import JoinedRecord, one_after_another
-from tdint.ground_motion.record import Record
-from tdint.model.laws import Law
+from tdint.ground_motion.record import JoinedRecord, Record, one_after_another
+from tdint.model.definition import Law
 
 NAMES = [field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")]
 

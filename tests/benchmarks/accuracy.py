@@ -4,8 +4,6 @@ Prints a table in Markdown. The reference is impulse4 at dt/256; average acceler
 dt/1024 confirms it. Times are those of the march alone, the fastest of several, the methods taking turns.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

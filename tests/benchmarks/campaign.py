@@ -6,8 +6,6 @@
 Wall times tell something on a quiet machine only; processor times do on a busy one, too.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random
@@ -22,12 +20,12 @@ import numpy as np
 import tdint
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.run import Subject
+from tdint.campaign.batch import RunSettings
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import carry_out, compile_for, threads
-from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.store import open_store
+from tdint.campaign.store import open_store
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 
@@ -62,7 +60,7 @@ def study(method: str) -> None:
     ]
 
     def kernel(part: list[Case]) -> float:
-        marched = (case.prepared.march(case.integrator, case.steps(0.01), case.ground) for case in part)
+        marched = (case.prepared.march(case.method, case.steps(0.01), case.ground) for case in part)
         return sum(one.seconds for one in marched)
 
     def engine(jobs: int) -> tuple[float, float]:

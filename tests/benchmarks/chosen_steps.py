@@ -1,31 +1,26 @@
-"""Steps that moment4 chooses on the way for a tolerance: python tests/benchmarks/chosen_steps.py [work | promise]
+"""Steps that moment4 chooses on the way for a tolerance: python tests/benchmarks/chosen_steps.py
 
-work: processor time of equal steps over that of chosen ones at equal true error of the peak drifts, six buildings under
+Processor time of equal steps over that of chosen ones at equal true error of the peak drifts, six buildings under
 the motions of Kaikoura (164 s), those of `--records FOLDER` that last 160 s and longer, and the short artificial ones.
 Equal steps are the best for the error, known afterwards, one run with its error; chosen ones are all that `--tolerance`
 takes, the elastic first mode and runs made again included.
-promise: how many of `--runs` are beyond the tolerance: random buildings of all laws under motions of FOLDER.
+How many are beyond their tolerance says `carried_error.py tolerance`.
 """
-
-from __future__ import annotations
 
 import argparse
 import sys
-import time
 import warnings
-from collections import Counter
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tdint import load_model, prepare, run_case
-from tdint.analysis.run.run import FailedRun
 from tdint.errors import TdintError
 from tdint.ground_motion.reading.read import read_records
 
 sys.path.append(str(Path(__file__).parent))
-from carried_error import ROOT, cases, motions, seconds
+from carried_error import ROOT, seconds
 
 ERRORS = (1e-2, 1e-3, 1e-4)
 PARTS = (4, 2, 1, 0.5, 0.25, 0.125)
@@ -114,55 +109,12 @@ def work(folder, repeats):
         print(f"| {kind} | all, geometric mean | {told} | {np.isfinite(logs).sum(axis=0)} |", flush=True)
 
 
-def fine_peaks(case, dt, response):
-    """Peak drifts over the time of a response."""
-    return case.march(case.steps(dt, response.steps * response.dt)).stories.peak_drift
-
-
-def promise(first, count, records):
-    beyond, runs, ratio, way, done = [], Counter(), [], 0, 0
-    for seed, building, record in cases(first, count, records):
-        tolerance = (1e-2, 1e-3, 1e-4)[seed % 7 % 3]
-        case = prepare(building, record, method="moment4")
-        other = prepare(building, record, method="impulse4")
-        try:
-            began = time.thread_time()
-            response = run_case(case, tolerance=tolerance)
-            chosen = time.thread_time()
-            run_case(case, tolerance=tolerance, equal=True)
-            equal = time.thread_time()
-            truth = fine_peaks(other, record.dt / 16, response)
-        except FailedRun as failure:
-            print(f"seed {seed}: {failure.status}")
-            continue
-        done += 1
-        runs[response.check.choice.runs] += 1
-        way += response.step_range is not None
-        ratio.append((equal - chosen) / (chosen - began))
-        error = float(np.max(np.abs(response.stories.peak_drift / truth - 1.0)))
-        if error > tolerance:
-            beyond.append(seed)
-            unsure = float(np.max(np.abs(fine_peaks(other, record.dt / 64, response) / truth - 1.0)))
-            told = f"true {error:.1e}, estimate {response.check.drift_error:.1e}, truth unsure by {unsure:.0e}"
-            print(f"seed {seed}, {100.0 * tolerance:g} %: {told}; {building.stories[0].law.name}", flush=True)
-    print(
-        f"{len(beyond)} of {done} beyond; {way} on the way; runs {dict(sorted(runs.items()))}; equal steps took "
-        f"{np.exp(np.mean(np.log(ratio))):.2f} times as long"
-    )
-
-
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("table", nargs="?", choices=["work", "promise"])
     parser.add_argument("--records", type=Path)
-    parser.add_argument("--runs", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=300_000)
     parser.add_argument("--repeats", type=int, default=5)
     given = parser.parse_args()
-    if given.table != "promise":
-        work(given.records, given.repeats)
-    if given.table != "work":
-        promise(given.seed, given.runs, list(motions(given.records or ROOT / "records")))
+    work(given.records, given.repeats)
 
 
 if __name__ == "__main__":

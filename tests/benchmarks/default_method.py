@@ -9,8 +9,6 @@ differ by more than a tenth of an error it is not asked for. `corrected` is mome
 rule allows them. Times are processor time of the compiled loop, least of several, all methods and steps taking turns.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import replace

@@ -3,8 +3,6 @@
 200 periods, 4001 samples; the fastest of some repeats. Errors against the same motion with 16 times as many samples.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from pathlib import Path

@@ -6,8 +6,6 @@ with the slope of the last two); beside each time the ratio to impulse4's. OpenS
 installed. Least of several times, all marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

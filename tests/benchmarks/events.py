@@ -8,8 +8,6 @@ the building itself enlarges a small change of the motion. Where that is a lot (
 can tell its course.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """CPU time of writing a history of ten stories as CSV, beside numpy's own text output of the same table, packed and
 thinned; and the memory that it takes beside the table: python tests/benchmarks/history.py [STEPS]"""
 
-from __future__ import annotations
-
 import gzip
 import io
 import sys
@@ -14,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, run
-from tdint.output.tables.responses import history_columns, write_history
+from tdint.output.tables.buildings import history_columns, write_history
 
 MODEL = Path(__file__).parents[2] / "configs" / "ten-story.yaml"
 

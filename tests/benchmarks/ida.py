@@ -6,8 +6,6 @@ of a capacity, and how the runs ended.
     python tests/benchmarks/ida.py [--records 22] [--jobs 2] [--plot FILE]
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import time
@@ -17,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, read_horizontals
-from tdint.campaign.ida.study import ida
+from tdint.campaign.ida import ida
 from tdint.files import write_file
 from tdint.ground_motion.record import Record
 

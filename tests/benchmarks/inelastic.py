@@ -8,8 +8,6 @@ Then all components of the records, 25 periods, ductilities 1.5, 2, 4 and 8: doe
 when all strengths above the one found are gone through in steps of 0.1 %?
 """
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import replace

@@ -5,8 +5,6 @@ stories, the same backbones), taking turns. Then what error of the peak drifts e
 eight times the records', and in what time: by the rules mdof-lu, and with the law multilinear-pinching in its place.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import sys
@@ -20,12 +18,10 @@ import numpy as np
 import tdint
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
-from tdint.campaign.engine.batch import Batch, spectral_accelerations
-from tdint.campaign.engine.runs import Run, RunSettings
+from tdint.campaign.batch import Batch, Run, RunSettings, spectral_accelerations
 from tdint.model.definition import Model
-from tdint.model.inventory.derive import derive_row, model_text
-from tdint.model.inventory.mdof_lu import BuildingFacts
-from tdint.model.inventory.table import InventoryRow
+from tdint.model.inventory import InventoryRow, derive_row, model_text
+from tdint.model.mdof_lu import BuildingFacts
 
 BUILDINGS = 40
 REPEATS = 3
@@ -68,7 +64,7 @@ def motions() -> Motions:
     """The horizontals of the shipped motions."""
     files = (f"records/{name}.mseed" for name in ("firm-soil", "near-fault", "soft-soil"))
     pairs = [tdint.read_horizontals(file, units="m/s^2") for file in files]
-    return Motions.of(dict(enumerate(record for pair in pairs for record in (pair.first, pair.second))))
+    return Motions(dict(enumerate(record for pair in pairs for record in (pair.first, pair.second))))
 
 
 def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> tuple[float, np.ndarray]:

@@ -6,8 +6,6 @@ at the record's own), rate (of the same steps on a motion at 100 and at 200 samp
 choose their steps: how many runs are beyond it). All if none is named.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import replace
@@ -19,9 +17,8 @@ from tdint import load_model, read_record, run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.run import Subject, model_record
-from tdint.analysis.run.steps import choose_steps
-from tdint.campaign.engine.batch import Batch, building_step
-from tdint.campaign.engine.runs import Run, RunSettings
+from tdint.analysis.run.workspace import choose_steps
+from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
 
 sys.path.append(str(Path(__file__).parents[1]))
@@ -170,7 +167,7 @@ def tolerance():
         for component in ("HN1", "HN2")
     )
     records = dict(enumerate(shipped))
-    motions = Motions.of(records)
+    motions = Motions(records)
     runs = [Run(motion_of, scale) for motion_of in records for scale in (0.25, 0.5, 1.0, 1.5)]
     ranked = sorted(runs, key=lambda one: -one.scale * records[one.motion].pga)
     rng = np.random.default_rng(7)

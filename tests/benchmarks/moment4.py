@@ -5,8 +5,6 @@ vibration of random buildings), yielding (ten stories at parts and multiples of 
 cost for every drift law), stiff (yielding stories with stiff parts). All if none is named.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import replace
@@ -15,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, run
-from tdint.analysis.assessment.hard_problems import problems
+from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
-from tdint.analysis.run.steps import choose_steps
+from tdint.analysis.run.workspace import choose_steps
 from tdint.methods.catalogue import parse
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from building_cases import story

@@ -7,8 +7,6 @@ copy of the package, which stands before the installed one; kernels are those of
 none for this. Survivors are shown with their line; what comes of it is for a person to judge.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

@@ -6,8 +6,6 @@ the weighted time with the acceleration at the END of the step: the motion it co
 apart.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

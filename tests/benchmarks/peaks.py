@@ -10,8 +10,6 @@ largest value at the steps and the method's own error in time, the largest of th
 truth is impulse4 at dt/64, confirmed by gauss4.
 """
 
-from __future__ import annotations
-
 import sys
 from collections import defaultdict
 from pathlib import Path

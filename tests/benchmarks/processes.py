@@ -8,8 +8,6 @@
 With --first instead: the same commands with no compiled kernels anywhere, once each; this takes some minutes.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

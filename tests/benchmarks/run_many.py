@@ -4,8 +4,6 @@ One story, 1000 steps, histories of drift and absolute acceleration. Wall time o
 the loops of the same runs with a history on two threads; both in turns, the least of five.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +12,7 @@ import numpy as np
 
 import tdint
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import Steps
 from tdint.methods.catalogue import parse
 
 RECORDS, DT, STEPS, JOBS, TURNS = 100, 0.01, 1000, 2, 5

@@ -12,8 +12,6 @@ Left out are wall times, versions and the digests of sources (`MASKS`, `MASKED_K
 exit code is 1 where anything differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import configparser
 import csv
@@ -42,10 +40,11 @@ Outcome = dict[str, list[str]]
 SHOWN = 3
 MASKS = (
     (re.compile(r"[\d.e+-]+ (?:us|ms|s) per step"), "TIME per step"),
+    (re.compile(r"^(Times are|Warning: the marches took) .*"), "TIMES"),
     (re.compile(r"(?<=runs in )[\d.]+ m?s\b.*"), "TIME"),
     (re.compile(r"\b0\.\d+\.\d+(?:\+\w+)?\b"), "VERSION"),
 )
-MASKED_KEYS = {"wall_time_s", "time_loop_s", "processor_time_s", "versions", "tdint_version"}
+MASKED_KEYS = {"wall_time_s", "time_loop_s", "processor_time_s", "timing", "versions", "tdint_version"}
 MASKED_COLUMNS = {"seconds"}
 """Of a store."""
 

@@ -1,7 +1,5 @@
 """What calls of the Python interface give, each float to the last bit: for same_bytes.py, by each tree's own Python."""
 
-from __future__ import annotations
-
 import csv
 import io
 import subprocess

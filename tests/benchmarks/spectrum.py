@@ -7,8 +7,6 @@ those of the pseudo-acceleration against the exact response to the motion that i
 computes it and tests/analysis/spectra/test_exact_maxima.py confirms it with matrix exponentials.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

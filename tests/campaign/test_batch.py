@@ -1,23 +1,19 @@
 """Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to the last digit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.demands import DEMANDS, demands
+from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.error_estimate import FINER
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
-from tdint.analysis.sequence import run_sequence
-from tdint.campaign.engine.batch import Batch, _Job
-from tdint.campaign.engine.runs import REPEATS, Rows, Run, RunRow, RunSettings, demand_errors
-from tdint.ground_motion.joining import JoinedRecord
-from tdint.ground_motion.record import Record
+from tdint.analysis.run.sequence import run_sequence
+from tdint.campaign.batch import REPEATS, Batch, Rows, Run, RunRow, RunSettings, _Job
+from tdint.ground_motion.record import JoinedRecord, Record
 
 RECORDS = {
     number: tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
@@ -29,7 +25,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in SCALES]
 
 def batch(model: str, method: str, **settings: bool | float) -> Batch:
     subject = Subject(tdint.load_model(f"configs/{model}.yaml"), method)
-    return Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
+    return Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
 
 
 def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
@@ -84,8 +80,8 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
     """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
-    assert [row._replace(errors=(), corrected=(), at_rest=0) for row in results.runs] == [
-        row._replace(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
+    assert [row._replace(errors=(), corrected=()).but(at_rest=0) for row in results.runs] == [
+        row.but(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
     for row in results.runs:
         run = Run(row.motion, row.scale)
@@ -111,7 +107,7 @@ def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
     short = [replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()]
     joined = JoinedRecord.of(short, 5.0, fixed=fixed)
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
-    (row,) = Batch(0, subject, Motions.of({0: joined}), {0: None}, RunSettings(check=True)).results([Run(0, 1.0)]).runs
+    (row,) = Batch(0, subject, Motions({0: joined}), {0: None}, RunSettings(check=True)).results([Run(0, 1.0)]).runs
     case = tdint.prepare(subject.model, short[0], method="moment4")
     whole = run_sequence(case, short, rest=5.0, check=True)
     stories, errors = whole.stories, whole.check.errors
@@ -147,7 +143,7 @@ def test_an_undamped_building_never_rests() -> None:
     """It swings on for as long as is waited for, and the row says so."""
     model = tdint.load_model("configs/ten-story-bilinear.yaml")
     subject = Subject(replace(model, damping=None), "impulse4")
-    of = Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(until_rest=True, dt=0.01))
+    of = Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(until_rest=True, dt=0.01))
     (row,) = of.results([Run(0, 0.01)]).runs
     assert row.status == "done" and row.at_rest == 0
     assert row.steps * row.dt > 100.0 * subject.period
@@ -158,7 +154,7 @@ def test_what_fails_is_repeated_with_finer_steps() -> None:
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")
-    of = Batch(0, subject, Motions.of({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration))
+    of = Batch(0, subject, Motions({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration))
     (row,) = of.results([Run(0, 3.0)]).runs
     case = tdint.prepare(model, noise.scaled(3.0), method="newmark-linear")
     for repeats in range(REPEATS + 1):

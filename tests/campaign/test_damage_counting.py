@@ -1,7 +1,5 @@
 """Levels, states and losses of campaigns, by counting over made-up runs: no store, nothing integrated."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -11,9 +9,9 @@ from scipy.stats import norm
 
 from building_cases import Law, model, noise, story
 from tdint import run
-from tdint.campaign.engine.runs import Run
-from tdint.campaign.fragility.run_damage import BuildingDamage, _Group, probabilities
-from tdint.campaign.ida.study import _elastic_scale
+from tdint.campaign.batch import Run
+from tdint.campaign.fragility.runs import BuildingDamage, _Group, probabilities
+from tdint.campaign.ida import _elastic_scale
 from tdint.campaign.profiles import SuiteRules
 from tdint.model.building import assemble
 from tdint.model.damage_states import DONE, FALLEN, DamageStates

@@ -1,7 +1,5 @@
 """Design spectra by name, against values computed and published elsewhere (design_spectra.csv tells the source)."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path
@@ -9,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.campaign.suites.target import EXAMPLES, read_target
+from tdint.analysis.spectra.target import EXAMPLES, read_target
 from tdint.errors import ModelError, UsageError
 from tdint.units import STANDARD_GRAVITY
 
@@ -33,9 +31,8 @@ def test_values_of_codes():
     for row in rows:
         target = read_target(_named(row["spectrum"]))
         period, tolerance = float(row["period_s"]), float(row["tolerance_g"])
-        value = target.zero if period == 0.0 else float(target.at(np.array([min(period, 10.0)]))[0])
-        if period > 10.0:
-            value = float(target.curve(np.array([period]))[0])
+        value = float(target.at(np.array([period]))[0])
+        assert period > 0.0 or value == target.zero
         if row["sa_g"]:
             assert value / STANDARD_GRAVITY == pytest.approx(float(row["sa_g"]), abs=tolerance + 1e-9), row
         if row["sd_m"] and period > 0.0:
@@ -50,6 +47,16 @@ def test_points_are_on_the_curve(text):
     assert target.damping == 0.05
     omega = 2.0 * np.pi / target.periods
     assert target.psv * omega == pytest.approx(target.psa) == target.sd * omega**2
+
+
+def test_a_long_tl_acts():
+    """Up to 20 s: 1/T to TL, 1/T^2 beyond; the peak ground acceleration at 0 is 0.4 SDS."""
+    target = read_target("mcer:sds=1.0,sd1=0.6,tl=12")
+    told = target.at([0.0, 1.0, 11.0, 12.0, 20.0]) / STANDARD_GRAVITY
+    assert told == pytest.approx([0.6, 0.9, 0.9 / 11.0, 0.9 / 12.0, 0.9 * 12.0 / 400.0], rel=1e-12)
+    assert target.periods[-1] == pytest.approx(20.0) and 12.0 in target.periods
+    with pytest.raises(UsageError, match="has periods from 0 to 20 s; asked for are 21"):
+        target.at([21.0])
 
 
 def test_a_national_annex_and_damping():

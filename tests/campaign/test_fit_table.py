@@ -1,8 +1,7 @@
 """Fits of the table of a study's runs: those of the numbers in it, counted by hand."""
 
-from __future__ import annotations
-
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +57,8 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
 def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
-    (same,) = fit_cloud(im.ravel(), DRIFT.ravel(), (OVER,), (STATUS == "collapsed").ravel())
+    fell = STATUS == "collapsed"
+    (same,) = fit_cloud(im.ravel(), np.where(fell, OVER, DRIFT).ravel(), (OVER,), fell.ravel())
     assert (found.fit, found.theta, found.beta) == ("cloud", pytest.approx(same.theta), pytest.approx(same.beta))
     with pytest.raises(UsageError, match="the runs do not stand at common levels of intensity; use --fit cloud"):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
@@ -69,6 +69,46 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
         (found,) = fit_table(table(tmp_path, whole), FragilityRequest(thresholds=(OVER,))).functions
         assert found.fit == fit
         whole[0] = LEVELS[0]
+
+
+def test_of_a_collapse_it_counts_that_it_was_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever the runaway stopped, a thousand times further or below the threshold, all fits and counts are the same;
+    and the counts are those of each sixth of the runs, by hand."""
+    im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
+    (first,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
+    for factor in (1e3, 1e-3):
+        monkeypatch.setattr(sys.modules[__name__], "DRIFT", np.where(STATUS == "collapsed", factor * DRIFT, DRIFT))
+        (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
+        assert (found.theta, found.beta) == (first.theta, first.beta)
+        assert found.counted is not None and first.counted is not None
+        assert np.array_equal(found.counted.share, first.counted.share)
+    order = np.argsort(im.ravel())
+    for place, sixth in enumerate(np.split(order, 6)):
+        over = (DRIFT.ravel()[sixth] > OVER) | (STATUS.ravel()[sixth] == "collapsed")
+        assert first.counted.share[place] == pytest.approx(np.mean(over), abs=1e-12)
+        assert first.counted.runs[place] == 8
+        assert first.counted.im[place] == pytest.approx(math.exp(np.mean(np.log(im.ravel()[sixth]))))
+
+
+def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None:
+    """Demands that jump at an intensity of 2 from far below the threshold to beyond it are no line; a line with
+    normal scatter say nothing, whatever is drawn."""
+    x = np.geomspace(0.2, 20.0, 200)
+    noise = RANDOM.standard_normal(x.size)
+    jumping = np.where(x < 2.0, 0.002 * x**0.3, 0.02 * x**0.3) * np.exp(0.05 * noise)
+    straight = 0.01 * x**0.8 * np.exp(0.4 * noise)
+    for demand, count in ((jumping, 1), (straight, 0)):
+        file = tmp_path / "cloud.csv"
+        lines = (f"{im!r},{edp!r}" for im, edp in zip(x.tolist(), demand.tolist(), strict=True))
+        file.write_text("\n".join(["im,edp", *lines]))
+        result = fit_table(str(file), FragilityRequest(thresholds=(0.016,)))
+        assert len(result.disagreements) == count, result.disagreements
+    assert "more apart than their scatter allows" in fit_table_words(tmp_path, x, jumping)
+
+
+def fit_table_words(folder: Path, x: np.ndarray, demand: np.ndarray) -> str:
+    (one,) = fit_cloud(x, demand, (0.016,))
+    return one.beside_counts(x, demand > 0.016).disagreement
 
 
 def test_one_run_without_a_result_is_told(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Fits of fragility functions: published numbers, a second route to each maximum, what cannot be fitted."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -91,6 +89,38 @@ def test_a_cloud_without_censoring_is_least_squares():
     for found in fit_cloud(im, edp, [0.01, 0.03]):
         assert math.log(found.theta) == pytest.approx((math.log(found.threshold) - intercept) / slope, rel=1e-9)
         assert found.beta == pytest.approx(sigma / slope, rel=1e-9)
+
+
+def test_a_cloud_that_bends_below_the_lightest_state():
+    """Demands on a steep line from 0.01 on and on a flat one below: the medians are those of the steep one, within
+    three standard errors, with all demands they are not; and the likelihood is the largest by another route."""
+    random = np.random.default_rng(3)
+    x, scatter = random.uniform(-2.5, 1.0, 2000), 0.3 * random.standard_normal(2000)
+    y = math.log(0.01) + 2.0 * x + scatter
+    low = y < math.log(0.01)
+    y[low] = math.log(0.01) + 0.3 * (y[low] - math.log(0.01))
+    im, edp, states = np.exp(x), np.exp(y), [0.01, 0.02, 0.04]
+    found = fit_cloud(im, edp, states, lightest=0.01)
+    for one, bent in zip(found, fit_cloud(im, edp, states), strict=True):
+        above = math.log(one.threshold / 0.01) / 2.0
+        assert abs(math.log(one.theta) - above) < 3.0 * one.theta_error
+        assert abs(one.beta - 0.15) < 3.0 * one.beta_error
+        assert abs(math.log(bent.theta) - above) > 10.0 * one.theta_error or bent.beta > 0.2
+    assert found[0].cloud.light == low.sum()
+    # How far below they are is nothing to the fit.
+    (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lightest=0.01)
+    assert (same.theta, same.beta) == pytest.approx((found[1].theta, found[1].beta), rel=1e-9)
+
+    def likelihood(p):
+        z = (np.maximum(y, math.log(0.01)) - p[0] - p[1] * x) / p[2]
+        return -np.sum(np.where(low, norm.logcdf(z), norm.logpdf(z) - math.log(p[2])))
+
+    best = minimize(likelihood, [-4.6, 2.0, 0.3], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11})
+    cloud = found[0].cloud
+    assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
+    # Where too few are above, all of them count as they are.
+    few = fit_cloud(im, edp, [0.02], lightest=2.0 * edp.max())[0]
+    assert few.cloud.light == 0 and few.theta == fit_cloud(im, edp, [0.02])[0].theta
 
 
 def test_a_censored_cloud_by_a_second_route():

@@ -1,7 +1,5 @@
 """Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is kept."""
 
-from __future__ import annotations
-
 import math
 import sqlite3
 from contextlib import closing
@@ -14,13 +12,12 @@ import pytest
 
 from building_cases import model, story
 from tdint import load_model, spectrum
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import RunRow
-from tdint.campaign.ida.curve import IdaCurve, IdaRun, LevelSearch, below_collapse, fractiles
-from tdint.campaign.ida.damage import Mainshock
-from tdint.campaign.ida.study import STORE, IdaSettings, ida
-from tdint.campaign.store.connection import locked
-from tdint.campaign.suites.intensity import pga, sa
+from tdint.analysis.run.demands import RUN
+from tdint.campaign.batch import Batch, RunRow
+from tdint.campaign.ida import STORE, IdaSettings, ida
+from tdint.campaign.ida_curve import IdaCurve, IdaRun, LevelSearch, Mainshock, below_collapse, fractiles
+from tdint.campaign.intensity import pga, sa
+from tdint.campaign.store_schema import locked
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
@@ -228,9 +225,10 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
         rows = original(self, runs)
         pga = rows.runs[0].pga
         if 1.0 < pga < 1.3:
-            rows.runs[0] = rows.runs[0]._replace(repeats=2)
+            rows.runs[0] = rows.runs[0].but(repeats=2)
         if 2.0 < pga < 2.2:
-            rows.runs[0] = RunRow(0, *runs[0], 0.0025, "diverged", pga=pga, repeats=3)
+            lost = RunRow(0, *runs[0], (None,) * len(RUN))
+            rows.runs[0] = lost.but(dt=0.0025, status="diverged", pga=pga, repeats=3)
         return rows
 
     monkeypatch.setattr(Batch, "results", results)
@@ -294,7 +292,7 @@ def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame
     """As where a later version chooses others: their rows would mix."""
     settings = IdaSettings(precision=0.3)
     with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.ida.curve._HUNT", 1.4)
+        before.setattr("tdint.campaign.ida_curve._HUNT", 1.4)
         ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     again = ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     assert again.resumed == 0
@@ -328,7 +326,7 @@ def test_another_study_is_not_mixed_in(tmp_path, frame):
 
 def test_another_version_is_told(tmp_path, frame, monkeypatch):
     with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.store.store.__version__", "0.0.1")
+        before.setattr("tdint.campaign.store.__version__", "0.0.1")
         ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
     (remark,) = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).remarks
     assert "begun with tdint 0.0.1" in remark

@@ -1,7 +1,5 @@
 """What a campaign makes of its inputs before anything runs, each against what it is made of."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import replace
@@ -12,14 +10,14 @@ import pytest
 from scipy.linalg import eigh
 
 from building_cases import model, noise, story
+from tdint.analysis.spectra.target import TargetSpectrum, read_target
+from tdint.campaign.batch import Run
 from tdint.campaign.definition import AnalysisWishes, InventoryFile
-from tdint.campaign.engine.runs import Run
 from tdint.campaign.fragility.type_states import _of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.profiles import level_ranks, motion_numbers
-from tdint.campaign.store.identity import all_differences, differences
-from tdint.campaign.suites.scaling import scale, scale_asce7, scale_p695
-from tdint.campaign.suites.target import TargetSpectrum, read_target
+from tdint.campaign.scaling import scale, scale_asce7, scale_p695
+from tdint.campaign.store import all_differences, differences
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 
@@ -73,7 +71,7 @@ def test_an_inventory_without_a_building(tmp_path: Path) -> None:
 
 
 def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
-    known = {"known": "the store", "given": "a.yaml"}
+    known = {"store": "the store", "given": "a.yaml"}
     assert differences({"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known) == [
         "setting a: in the store alone",
         "setting b: 2 in the store, 9 in a.yaml",
@@ -85,9 +83,9 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
         found = differences(one, other, kind="record", **known)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
         assert found[8:] == ([] if count == 8 else [f"and {count - 8} more of kind record"])
-    same = ({"a": "1"}, {}, {"r": "2"})
+    same = ({"a": "1"}, {}, {"r": "2"}, {})
     assert all_differences(same, same, given="b") == "the order of buildings or records: differs"
-    assert all_differences(same, ({"a": "2"}, {}, {}), given="b").splitlines() == [
+    assert all_differences(same, ({"a": "2"}, {}, {}, {}), given="b").splitlines() == [
         "setting a: 1 in the store, 2 in b",
         "record r: in the store alone",
     ]

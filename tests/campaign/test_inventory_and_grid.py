@@ -1,7 +1,5 @@
 """Inventories as buildings of a campaign, and ground motions drawn from a grid."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter
@@ -11,16 +9,15 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.campaign.engine.batch import do
+from tdint.campaign.batch import do
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import GridDraws, GridFile, GridMotions
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.record import Record
-from tdint.model.inventory.derive import derive_all, model_text
-from tdint.model.inventory.mdof_lu import BuildingFacts
-from tdint.model.inventory.table import InventoryRow, read_inventory
+from tdint.model.inventory import InventoryRow, derive_all, model_text, read_inventory
+from tdint.model.mdof_lu import BuildingFacts
 from tdint.units import STANDARD_GRAVITY
 
 STUDY = """\
@@ -153,10 +150,7 @@ def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None
         ('{"dT": 0.01, "data_x": [1%s, 2]}' % ("0" * 400), "m00.json: sample 0 .* is inf"),
         ('{"dT": 1%s, "data_x": [1, 2]}' % ("0" * 400), "m00.json: dT must be a sampling interval, .* got inf"),
         ('{"dT": "0.01", "data_x": [1, 2]}', "m00.json: dT must be a sampling interval, .* got '0.01'"),
-        (
-            '{"dT": 20, "data_x": [1, 2]}',
-            "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20",
-        ),
+        ('{"dT": 20, "data_x": [1, 2]}', "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20"),
         ('{"dT": 0.01, "data_x": [1, "2"]}', "m00.json: data_x is no list of numbers"),
         ('{"dT": 0.01, "data_x": [1, null]}', "m00.json: data_x is no list of numbers"),
         ('{"dT": 0.01, "data_x": [[1, 2], [3, 4]]}', "m00.json: data_x is no list of numbers"),
@@ -191,11 +185,15 @@ def test_points_of_a_grid_lie_on_the_earth(study: Path, place: str, message: str
 
 
 def test_a_grid_needs_places(study: Path) -> None:
-    text = (study / "buildings.csv").read_text().replace(",37.805,-122.265", ",,")
-    (study / "buildings.csv").write_text(text)
-    with pytest.raises(
-        ModelError, match=r"buildings.csv:4:6: Latitude: is missing; motions at places need that of each building"
-    ):
+    """A building without one is left out alone; without any that has one there is nothing to do."""
+    text, before = (study / "buildings.csv").read_text(), plan(study)
+    (study / "buildings.csv").write_text(text.replace(",37.805,-122.265", ",,"))
+    left = plan(study)
+    assert len(left.buildings) == len(before.buildings) - 1
+    ((kind, reason),) = left.unused
+    assert kind == "building" and "buildings.csv:4:6: Latitude: is missing; motions at places need that of" in reason
+    (study / "buildings.csv").write_text(re.sub(r",3\d[.\d]*,-122[.\d]*", ",,", text))
+    with pytest.raises(ModelError, match=r"buildings.csv:2:6: Latitude: is missing"):
         plan(study)
 
 

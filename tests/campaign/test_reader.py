@@ -1,7 +1,5 @@
 """What campaign files are refused for, with line and column."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from json_schema import spoiled, tree, valid
 from tdint.campaign.definition import RecordFiles
 from tdint.campaign.reader import CAMPAIGN, campaign_schema, load_campaign
 from tdint.errors import ModelError
-from tdint.ground_motion.pairing import USUAL, PairNames
+from tdint.ground_motion.horizontals import USUAL, PairNames
 
 STUDY = """\
 buildings: {models: [model.yaml]}
@@ -40,11 +38,7 @@ def test_numbers_and_words_without_a_meaning(tmp_path: Path, intensity: str, ana
 
 def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
-    for written, read in (
-        ("true", USUAL),
-        ("false", None),
-        ("'{}_a.csv,{}_b.csv'", PairNames("{}_a.csv", "{}_b.csv")),
-    ):
+    for written, read in (("true", USUAL), ("false", None), ("'{}_a.csv,{}_b.csv'", PairNames("{}_a.csv", "{}_b.csv"))):
         file.write_text(f"buildings: {{models: [model.yaml]}}\nrecords: {{files: [a.csv], pairs: {written}}}\n")
         records = load_campaign(file).records
         assert isinstance(records, RecordFiles) and records.pairs == read

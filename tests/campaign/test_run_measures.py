@@ -1,17 +1,16 @@
 """Intensity measures of runs, by closed forms and second routes, and how they are compared."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.campaign.fragility.run_measures import compare_measures, line, run_measure
+from tdint.campaign.fragility.measures import compare_measures, line, run_measure
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.ground_motion.measures import cumulative_absolute_velocity_above, measure
 from tdint.ground_motion.record import Record
@@ -116,6 +115,29 @@ def test_a_line_by_least_squares():
     assert one.characteristic == "magnitude" and one.p_value < 1e-6
     exact = line(x, 2.0 * x + 1.0, {})
     assert (exact.slope, exact.beta) == pytest.approx((2.0, 0.0), abs=1e-12)
+
+
+def test_runs_under_one_motion_are_not_independent():
+    """The p-value by sums over the motions, one after the other; runs that are there three times tell no more than once
+    but for the factor of (n - 1)/(n - 2)."""
+    rng = np.random.default_rng(8)
+    motion = np.repeat(np.arange(9), 4)
+    magnitude = rng.uniform(5.0, 8.0, 9)[motion]
+    x, shared = rng.standard_normal(36), 0.4 * rng.standard_normal(9)[motion]
+    y = 1.2 * x + shared + 0.1 * rng.standard_normal(36)
+    residual = y - np.polyval(np.polyfit(x, y, 1), x)
+    slope, intercept = np.polyfit(magnitude, residual, 1)
+    left, about = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
+    total = sum(float(about[motion == one] @ left[motion == one]) ** 2 for one in range(9))
+    error = math.sqrt(total * 9 / 8 * 35 / 34) / float(about @ about)
+    (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
+    (alone,) = line(x, y, {"magnitude": magnitude}).dependences
+    assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
+    assert found.p_value > 2.0 * alone.p_value  # which takes 36 runs for 36 motions
+    (thrice,) = line(*(np.tile(one, 3) for one in (x, y)), {"magnitude": np.tile(magnitude, 3)},
+                     motion=np.tile(motion, 3)).dependences  # fmt: skip
+    of = error * math.sqrt(107 / 106 * 34 / 35)
+    assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / of, 8), rel=1e-9)
 
 
 def test_too_few_runs_and_a_measure_that_is_always_the_same():

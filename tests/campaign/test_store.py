@@ -1,7 +1,5 @@
 """Where a store may lie, and how chunks are cut."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any
@@ -13,14 +11,13 @@ from hypothesis import strategies as st
 
 from tdint import spectrum, system
 from tdint.analysis.run.run import Subject
+from tdint.campaign.batch import RunSettings, do, spectral_accelerations
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import Advance, merge
-from tdint.campaign.engine.batch import do, spectral_accelerations
-from tdint.campaign.engine.runs import RunSettings
 from tdint.campaign.motions import EveryMotion, GivenFactors
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.connection import refuse_network
-from tdint.campaign.store.store import open_store
+from tdint.campaign.store import open_store
+from tdint.campaign.store_schema import refuse_network
 from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record

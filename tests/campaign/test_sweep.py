@@ -1,7 +1,5 @@
 """Sweeps of campaigns, and what peaks are sensitive to."""
 
-from __future__ import annotations
-
 import csv
 import math
 from typing import Any
@@ -11,16 +9,22 @@ import pytest
 from scipy.stats import lognorm, norm, uniform
 
 import tdint
+from tdint.campaign.batch import RunSettings
 from tdint.campaign.carry_out import carry_out, threads
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.engine.runs import RunSettings
+from tdint.campaign.definition import (
+    AnalysisWishes,
+    CampaignFile,
+    Distribution,
+    ModelFiles,
+    ParameterSweep,
+    RecordFiles,
+)
 from tdint.campaign.inputs import Inputs, suite_motions
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
-from tdint.campaign.store.store import open_store
-from tdint.campaign.sweep import Distribution, ParameterSweep
+from tdint.campaign.store import open_store
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.processing import RecordChoice
 from tdint.output.tables.campaign import write_runs

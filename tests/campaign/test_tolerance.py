@@ -1,7 +1,5 @@
 """The step of a building by a tolerance: from several sampling intervals down, by some of its runs, for all of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +10,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.campaign.engine.batch import Batch, building_step
-from tdint.campaign.engine.runs import Rows, Run, RunSettings
+from tdint.campaign.batch import Batch, Rows, Run, RunSettings, building_step
 
 SHIPPED = [
     tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
@@ -26,7 +23,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
-    batch = Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(stories=True))
+    batch = Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(stories=True))
     return batch.results(runs, largest)
 
 

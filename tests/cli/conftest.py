@@ -1,7 +1,5 @@
 """Small models and records, and a way to run the command in this process."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable
@@ -43,6 +41,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "shaken.yaml").write_text(dedent(SHAKEN), encoding="utf-8")
     write_record(tmp_path / "motion.mseed", "HNE", "HNN")
     write_record(tmp_path / "other.mseed", "HNE", peak=1.0)
+    return tmp_path
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, empty."""
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

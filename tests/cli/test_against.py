@@ -1,20 +1,14 @@
 """`tdint spectrum --against`: the difference to a published spectrum, by period and by units of its columns."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 from pathlib import Path
 
 import pytest
 
+from csv_rows import rows
+
 OPTIONS = ("spectrum", "other.mseed", "--units", "m/s^2")
 PERIODS = "0.1,0.2,0.4,0.8"
-
-
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 @pytest.fixture

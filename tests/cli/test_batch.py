@@ -1,7 +1,5 @@
 """Many records at once: folders, names of the outputs, processes, the JSON file beside a table."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -17,7 +15,7 @@ import pytest
 from tdint.errors import AnalysisError, RecordError
 from tdint.ground_motion.reading.suites import records_of
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.commands.ground_motions.spectrum_tables import tables_of
+from tdint_cli.commands.spectrum import tables_of
 
 PERIODS = ("--period", "0.2", "--period", "1.0")
 

@@ -1,9 +1,5 @@
 """Campaigns of shocks one after the other: the rows are those of single runs of the sequences."""
 
-from __future__ import annotations
-
-import csv
-import io
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -12,8 +8,9 @@ import numpy as np
 import pytest
 
 import tdint as library
+from csv_rows import rows
 from tdint.analysis.run.demands import demands
-from tdint.analysis.sequence import run_sequence
+from tdint.analysis.run.sequence import run_sequence
 
 CAMPAIGN = """\
 name: study
@@ -30,10 +27,6 @@ three,other.mseed,,
 three,motion.mseed,HNN,1.5
 three,other.mseed,HNE,-1
 """
-
-
-def rows(file) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(Path(file).read_text())))
 
 
 @pytest.fixture
@@ -213,10 +206,6 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(study, tdi
     assert other.exit_code == 2
 
 
-def rows_of(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
-
-
 def test_each_state_has_its_fragility(folder, tdint):
     of_state = {"0": [1.0, 1.2, 1.5], "0.02": [0.5, 0.7, 0.8]}
     table = [f"{state},0.1,{capacity}" for state, values in of_state.items() for capacity in values]
@@ -233,10 +222,7 @@ def test_each_state_has_its_fragility(folder, tdint):
 
 @pytest.mark.parametrize(
     ("options", "code", "text"),
-    [
-        (("--damage", "20%"), 2, "below the collapse drift"),
-        ((), 2, "--after has nothing to act on without --damage"),
-    ],
+    [(("--damage", "20%"), 2, "below the collapse drift"), ((), 2, "--after has nothing to act on without --damage")],
 )
 def test_refusals_of_aftershocks(study, tdint, options, code, text):
     (study / "frame.yaml").write_text(FRAME)

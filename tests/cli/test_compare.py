@@ -1,13 +1,15 @@
 """`tdint compare` on a recording that is made of noise on a result."""
 
-from __future__ import annotations
-
 import csv
-import io
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from csv_rows import rows
+from tdint.model.config.model_file import load_model
 
 MODEL = """\
 name: frame
@@ -50,10 +52,6 @@ def recorded(tmp_path_factory):
     return folder
 
 
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
-
-
 @pytest.mark.usefixtures("laid_out")
 def test_table_files_and_requirements(recorded, tdint, tmp_path):
     out = tmp_path / "deep" / "out"
@@ -66,11 +64,11 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path):
         "spectra.csv",
         "summary.json",
     ]
-    first, roof = rows((out / "comparison.csv").read_text())
+    first, roof = rows(out / "comparison.csv")
     assert list(first) == ["floor", "quantity", "correlation", "peak_ratio", "rms_difference"]
     assert (first["quantity"], roof["floor"], roof["quantity"]) == ("displacement", "2", "acceleration")
     assert float(first["correlation"]) > 0.999 > float(roof["correlation"]) > 0.95
-    spectra = rows((out / "spectra.csv").read_text())
+    spectra = rows(out / "spectra.csv")
     assert list(spectra[0]) == ["floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2"]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["schema"] == {"name": "tdint compare", "version": 1}
@@ -97,11 +95,11 @@ def test_fitted_and_blind(recorded, tdint, tmp_path):
         recorded / "blind.yaml", "-o", tmp_path / "table.csv",
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
-    roof, first = rows((tmp_path / "table.csv").read_text())
+    roof, first = rows(tmp_path / "table.csv")
     assert (roof["floor"], roof["recorded"]) == ("2", str(recorded / "fitted.yaml"))
     assert (first["floor"], first["recorded"]) == ("1", str(recorded / "blind.yaml"))
     assert float(first["correlation"]) > 0.99
-    fitted = rows((tmp_path / "table-fit.csv").read_text())
+    fitted = rows(tmp_path / "table-fit.csv")
     assert [(one["parameter"], one["place"]) for one in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
     assert [float(one["start"]) for one in fitted] == [1100.0, 600.0]
     assert [float(one["fitted"]) for one in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
@@ -109,8 +107,39 @@ def test_fitted_and_blind(recorded, tdint, tmp_path):
         "table.csv",
         "table-spectra.csv",
         "table-fit.csv",
+        "table-fitted.yaml",
         "table-summary.json",
     }
+
+
+def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
+    """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing else is changed."""
+    model = (recorded / "model.yaml").read_text()
+    entries = "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
+    model = re.sub("  - .*\n  - .*\n", entries, model)
+    model = re.sub("damping: .*", "damping: {modal: 4%}  # d", model)
+    (recorded / "equal.yaml").write_text(model)
+    monkeypatch.chdir(recorded)
+    asked = ("--recorded", "recorded.yaml")
+    result = tdint("compare", "equal.yaml", *asked, "--fit", "stiffness,damping", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    file = tmp_path / "out" / "fitted.yaml"
+    written = load_model(file)
+    fitted = [float(one["fitted"]) for one in rows(tmp_path / "out" / "fit.csv")]
+    assert [story.stiffness for story in written.stories] == pytest.approx(fitted[:2], rel=1e-11)
+    assert written.damping.ratios == pytest.approx(fitted[2:], rel=1e-11)
+    assert Path(written.excitation.record.file).samefile("base.txt")
+    text = file.read_text()
+    assert all(comment in text for comment in ("# from the ground up\n", "# equal at first\n", "# d\n"))
+    again = tdint("compare", file, *asked, "-o", tmp_path / "again")
+    assert again.exit_code == 0, again.stderr
+    pairs = zip(*(rows(tmp_path / name / "comparison.csv") for name in ("again", "out")), strict=True)
+    for one, other in pairs:
+        assert float(one["rms_difference"]) == pytest.approx(float(other["rms_difference"]), rel=1e-8)
+    plain = [line for line in model.splitlines() if "stiffness" not in line and "damping" not in line]
+    assert [line for line in plain if "base.txt" not in line] == [
+        line for line in text.splitlines() if line in plain and "base.txt" not in line
+    ]
 
 
 def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path):
@@ -127,7 +156,7 @@ def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path):
         ("spectra", ("computed_sa_m_s2", "recorded_sa_m_s2"), 9.80665),
         ("fit", ("start", "fitted", "standard_error"), 4448.2216152605 / 0.0254),
     ):
-        si, us = (rows((tmp_path / units / f"{name}.csv").read_text()) for units in ("si", "us"))
+        si, us = (rows(tmp_path / units / f"{name}.csv") for units in ("si", "us"))
         assert (tmp_path / "named" / f"{name}.csv").read_bytes() == (tmp_path / "us" / f"{name}.csv").read_bytes()
         for one, other in zip(si, us, strict=True):
             for column in columns:
@@ -158,13 +187,13 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
         "1:1: bas: unknown key; did you mean 'base'?",
         "2:25: base.column: is for a table, component for a record; leave one of them out",
         "2:52: base.quantity: unknown quantity 'displacment'; did you mean 'displacement'?",
-        "4:22: floors.2.sign: must be 1 or -1",
+        "4:22: floors.2.sign: must be a whole number from -1 to 1 (a direction), got '2'",
         "5:9: floors.roof: floor 2 is given twice",
         "5:10: floors.roof.fil: unknown key; did you mean 'file'?",
         "6:6: floors.7: must be a floor from 1 to 2 (the number of stories), or roof",
         "6:23: floors.7.units: say displacement, the quantity says acceleration; give one of m/s^2, cm/s^2, gal, "
         "mm/s^2, g, in/s^2, ft/s^2",
-        "7:7: band: must be two frequencies (Hz), the lower one first",
+        "7:7: band: must be a list of two frequencies (Hz), the lower one first",
         "8:9: window: must be a list of two times (s), the earlier one first, got 1",
         "9:8: shift: must be auto or a number of seconds, got 'soon'",
     ]
@@ -194,7 +223,10 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
         ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
         ("base: x.csv\n", "floors: is missing; give the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
-        ("base: x.csv\nfloors: [x.csv]\n", "floors: must be a mapping from floors (1 to 2, or roof) to their files"),
+        (
+            "base: x.csv\nfloors: [x.csv]\n",
+            "floors: must be a mapping from floors (numbers from 1, or roof) to their files",
+        ),
     ],
 )
 def test_files_without_recordings(recorded, tdint, text, message):

@@ -1,13 +1,11 @@
 """`tdint compile`, with one small kernel in place of all that there are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
 
 from small_kernel import scaled
-from tdint.analysis.run import compilation
+from tdint.analysis.run import prepared
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.target import named
@@ -18,7 +16,7 @@ from tdint.model.config.model_file import load_model
 
 @pytest.fixture(autouse=True)
 def only_a_small_kernel(monkeypatch):
-    monkeypatch.setattr(compilation, "of_everything", lambda: [(scaled, EVERYTHING)])
+    monkeypatch.setattr(prepared, "of_everything", lambda: [(scaled, EVERYTHING)])
 
 
 def test_everything_is_compiled_once_for_each_processor(tdint, folder):
@@ -34,18 +32,23 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder):
 
 def test_which_objects_are_used_is_shown_and_they_are_removed(tdint, folder, monkeypatch):
     monkeypatch.setenv("TDINT_CACHE_DIR", str(folder / "cache"))
-    assert tdint("compile", "--all", "--show").stdout.splitlines()[1].endswith(f"{scaled.name},{EVERYTHING.text},")
+    assert tdint("compile", "--all", "--show").stdout.splitlines()[1].endswith(f"{scaled.name},{EVERYTHING.text},,")
     assert tdint("compile", "--all").exit_code == 0
     (file,) = (folder / "cache").rglob("*.object")
     shown = tdint("compile", "--all", "--show").stdout
-    assert shown == f"loop,variant,object\n{scaled.name},{EVERYTHING.text},{file}\n"
+    assert shown == f"loop,variant,object,origin\n{scaled.name},{EVERYTHING.text},{file},cache\n"
+    monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder / "cache"))
+    assert tdint("compile", "--all", "--show").stdout.endswith(f"{file},TDINT_KERNELS_DIR\n")
+    monkeypatch.delenv("TDINT_KERNELS_DIR")
+    monkeypatch.setattr(store, "_PREBUILT", folder / "cache")
+    assert tdint("compile", "--all", "--show").stdout.endswith(f"{file},wheel\n")
     assert tdint("compile", "--clean").stderr == "1 compiled time loop removed.\n"
     assert not file.exists()
 
 
 def test_a_model_is_compiled_with_what_its_tables_need():
     model = load_model(Path(__file__).parents[2] / "configs" / "ten-story.yaml")
-    assert peaks in [kernel for kernel, _ in compilation.of_model(model, parse_method("impulse4"))]
+    assert peaks in [kernel for kernel, _ in prepared.of_model(model, parse_method("impulse4"))]
 
 
 @pytest.mark.parametrize(

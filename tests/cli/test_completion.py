@@ -1,7 +1,5 @@
 """Completion in the shell: commands, options, and the names that options take."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Damage states of campaigns: damage.csv, damage-types.csv and losses.csv beside closed forms, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -15,8 +13,9 @@ from click.testing import Result
 from scipy.special import ndtr
 
 import tdint as package
+from csv_rows import rows
 from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
-from tdint.model.inventory.capacity import CapacityCurve, CapacityFacts, derive_capacity
+from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity
 
 Run = Callable[..., Result]
 
@@ -48,10 +47,6 @@ records: {files: [motion.mseed, other.mseed], units: m/s^2}
 intensity: {scales: [0.5, 1]}
 analysis: {method: newmark-average}
 """
-
-
-def rows(file: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(Path(file).read_text())))
 
 
 def drifts(scale: float) -> list[float]:
@@ -291,22 +286,38 @@ def test_fragility_of_each_type_and_state(fitted: Path, tdint: Run) -> None:
     assert f"<limitStates>{' '.join(states)}</limitStates>" in Path("f.xml").read_text()
 
 
+def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> list[Fragility]:
+    """Of class A, slight at 0.015 m and complete at 0.06 m with a dispersion of 0.3: three sets of all runs."""
+    x, y, above = [], [], []
+    for part in (math.exp(-0.3 * math.sqrt(1.5)), 1.0, math.exp(0.3 * math.sqrt(1.5))):
+        for one, value, gone in zip(im, demand, fell, strict=True):
+            x.append(one)
+            above.append(gone or part * value >= 0.06)
+            y.append(0.06 if above[-1] else part * value)
+    return fit_cloud(x, y, [0.015], above, lightest=0.015)
+
+
 def test_fragility_of_types_by_clouds(fitted: Path, tdint: Run) -> None:
-    """The line through the demands of all runs of the type, falls known only to be above what they reached; beta has
-    the dispersion of the thresholds over the line's slope. Sa is at the period of the class's curve."""
+    """The line through the demands of all runs of the type, falls known only to be above the heaviest state, those
+    below the lightest one only to be below, and counted; each is seen with three thresholds, so that beta has their
+    dispersion. Sa is at the period of the class's curve."""
     result = tdint("fragility", "out", "--by", "type")  # at each Sa there are the runs of one motion alone: a cloud
-    row = next(
-        row for row in csv.DictReader(result.stdout.splitlines()) if (row["type"], row["state"]) == ("A", "slight")
-    )
+    row = next(row for row in rows(result.stdout) if (row["type"], row["state"]) == ("A", "slight"))
     runs = [
-        (float(run["sa_t1_m_s2"]), float(row["spectral_displacement_m"]), row["status"] != "done")
+        (
+            float(run["sa_t1_m_s2"]),
+            float(row["spectral_displacement_m"]) if row["status"] == "done" else 0.06,
+            row["status"] != "done",
+        )
         for row, run in zip(rows("out/damage.csv"), rows("out/runs.csv"), strict=True)
         if row["type"] == "A"
     ]
-    (line,) = fit_cloud(*(list(one) for one in list(zip(*runs, strict=True))[:2]), [0.015], [one[2] for one in runs])
+    im, demand, fell = (list(one) for one in zip(*runs, strict=True))
+    (line,) = dispersed_cloud(im, demand, fell)
     assert line.cloud is not None
-    beta = math.hypot(line.beta, 0.3 / line.cloud.slope)
-    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((line.theta, beta), rel=1e-6)
+    assert int(row["below"]) == sum(one < 0.015 for one in demand) > 0
+    assert (int(row["records"]), int(row["censored"])) == (len(runs), sum(fell))
+    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((line.theta, line.beta), rel=1e-6)
     period = 2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81))
     assert row["im"] == f"sa({period:.6g})"
 
@@ -433,3 +444,104 @@ def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: R
     assert [row["threshold"] for row in told] == ["0.003", "0.012", "0.1"]
     asked = csv.DictReader(io.StringIO(tdint(*call, "--threshold", "2%").stdout))
     assert [row["threshold"] for row in asked] == ["0.02", "0.1"]
+
+
+@pytest.fixture
+def paired(region: Path, make_record: Callable[..., None]) -> Path:
+    """The region with four pairs, whose second component is twice the first, at three factors."""
+    for number in range(4):
+        make_record(region / f"pair-{number}.mseed", "HNE", "HNN", samples=250 + 60 * number, peak=2.0 + number)
+    text = REGION.replace("[motion.mseed, other.mseed]", "[pair-0.mseed, pair-1.mseed, pair-2.mseed, pair-3.mseed]")
+    text = text.replace("units: m/s^2", "units: m/s^2, pairs: true").replace("[0.5, 1]", "[0.2, 0.5, 1]")
+    (region / "study.yaml").write_text(text + "damage: {thresholds: capacity, dispersion: 0.3}\n")
+    return region
+
+
+@pytest.mark.parametrize(
+    ("im", "column", "imt"),
+    [("pgv", "pgv_m_s", "PGV"), ("arias", "arias_intensity_m_s", "IA"), ("sa:0.6", "sa_0p6_m_s2", "SA(0.6)"),
+     ("sa-avg", "sa_avg_t1_m_s2", "AvgSA("), ("pga", "pga_m_s2", "PGA"), ("sa", "sa_t1_m_s2", "SA(")],
+)  # fmt: skip
+def test_the_measure_that_was_asked_for_of_the_pair(paired: Path, tdint: Run, im: str, column: str, imt: str) -> None:
+    """Clouds by hand over the geometric mean of what both components have; and without the measure exit 2."""
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    if im not in ("pga", "sa"):
+        result = tdint("fragility", "out", "--by", "type", "--im", im)
+        assert result.exit_code == 2 and f"no measure {column.split('_m_s')[0]}" in result.stderr
+    assert tdint("campaign", "study.yaml", "-o", "out", "--im", "pgv,arias,sa:0.6,sa-avg").exit_code == 0
+    call = ("fragility", "out", "--by", "type", "--im", im, "--fit", "cloud", "-o", "f.csv", "--openquake", "f.xml")
+    result = tdint(*call)
+    assert result.exit_code == 0, result.stderr
+    runs, damage, measures = (rows(f"out/{name}.csv") for name in ("runs", "damage", "measures"))
+    values: dict[tuple[str, ...], list[float]] = {}
+    for run, measure in zip(runs, measures, strict=True):
+        key = (run["building"], run["record"], run["scale"])
+        values.setdefault(key, []).append(float({**run, **measure}[column]))
+    x, y, fell = [], [], []
+    for run, row in zip(runs, damage, strict=True):
+        if row["type"] == "A":
+            one, other = values[run["building"], run["record"], run["scale"]]
+            x.append(math.sqrt(one * other))
+            fell.append(run["status"] != "done")
+            y.append(0.06 if fell[-1] else float(row["spectral_displacement_m"]))
+    (line,) = dispersed_cloud(x, y, fell)
+    row = next(row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
+    assert float(row["theta"]) == pytest.approx(line.theta, rel=1e-6)
+    assert f'imt="{imt}' in Path("f.xml").read_text()
+    assert "is the geometric mean of both components" in result.stderr
+    # The same without types, of one building.
+    text = Path("out/runs.csv").read_text().splitlines()
+    own = [line for line in text if line.startswith(("building,", "one,"))]
+    Path("out/runs.csv").write_text("\n".join(own) + "\n")
+    single = tdint("fragility", "out", "--im", im, "--fit", "cloud", "--threshold", "1%")
+    assert single.exit_code == 0, single.stderr
+    (told,) = rows(single.stdout)
+    mine = [(run, values[run["building"], run["record"], run["scale"]]) for run in runs if run["building"] == "one"]
+    drift = [float(run["peak_drift_ratio"]) if run["status"] == "done" else 0.01 for run, _ in mine]
+    (line,) = fit_cloud(
+        [math.sqrt(a * b) for _, (a, b) in mine], drift, [0.01], [r["status"] != "done" for r, _ in mine]
+    )
+    assert float(told["theta"]) == pytest.approx(line.theta, rel=1e-6)
+
+
+def test_the_levels_of_a_pair_are_the_measure(paired: Path, tdint: Run) -> None:
+    """Where a campaign has brought pairs to levels, their measure is known without measures.csv, of any direction."""
+    text = (paired / "study.yaml").read_text()
+    levels = "intensity: {measure: sa, period: 0.6, levels: [0.5 m/s^2, 2 m/s^2, 6 m/s^2], pair: rotd50}"
+    (paired / "study.yaml").write_text(text.replace("intensity: {scales: [0.2, 0.5, 1]}", levels))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    result = tdint("fragility", "out", "--by", "type", "--im", "sa:0.6", "-o", "f.csv")
+    assert result.exit_code == 0, result.stderr
+    (row,) = (row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
+    assert [float(row[f"bin_{place}_im"]) for place in (1, 2, 3)] == pytest.approx([0.5, 2.0, 6.0])
+    assert (row["fit"], row["im"], row["bin_1_runs"]) == ("stripes", "sa(0.6)", "16")
+    below = [float(row["probability_none"]) for row in rows("out/damage.csv") if row["type"] == "A"]
+    shares = [1.0 - sum(below[place::3]) / len(below[place::3]) for place in range(3)]
+    assert [float(row[f"bin_{place}_share"]) for place in (1, 2, 3)] == pytest.approx(shares, rel=1e-9, abs=1e-12)
+
+
+def test_functions_of_each_building(paired: Path, tdint: Run) -> None:
+    """Of two models by thresholds of the drift ratio, each over Sa at its own period, which the file for OpenQuake has;
+    the numbers are those of a campaign of one of them."""
+    shaken = Path("shaken.yaml").read_text()
+    Path("soft.yaml").write_text(
+        shaken.replace("name: ", "name: soft ", 1).replace("stiffness: 8000", "stiffness: 4000")
+    )
+    study = REGION.replace("[motion.mseed, other.mseed]", "[pair-0.mseed, pair-1.mseed, pair-2.mseed, pair-3.mseed]")
+    lines = study.replace("[0.5, 1]", "[0.2, 0.5, 1]").splitlines()
+    for name, models in (("both", "[shaken.yaml, soft.yaml]"), ("alone", "[soft.yaml]")):
+        (paired / f"{name}.yaml").write_text("\n".join([f"buildings: {{models: {models}}}", *lines[1:]]))
+        assert tdint("campaign", f"{name}.yaml", "-o", name).exit_code == 0
+    bare = tdint("fragility", "both", "--threshold", "0.5%")
+    assert (bare.exit_code, "fit functions of each with --by building" in bare.stderr) == (3, True)
+    call = ("--threshold", "0.5%,1%", "-o", "f.csv", "--overwrite", "--states", "light,heavy", "--openquake", "f.xml")
+    result = tdint("fragility", "both", "--by", "building", *call)
+    assert result.exit_code == 0, result.stderr
+    found = rows("f.csv")
+    assert [row["state"] for row in found] == ["light", "heavy"] * 2 and len({row["building"] for row in found}) == 2
+    assert len({row["im"] for row in found}) == 2 and all(row["im"].startswith("sa(0.") for row in found)
+    (own,) = csv.DictReader(tdint("fragility", "alone", "--threshold", "1%", "--fit", "cloud").stdout.splitlines())
+    (same,) = (row for row in found if row["building"].startswith("soft") and row["state"] == "heavy")
+    numbers = [[float(row[name]) for name in ("theta", "beta")] for row in (same, own)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=1e-9) and same["im"] == own["im"]
+    assert f'imt="SA({own["im"][3:-1]})"' in Path("f.xml").read_text()

@@ -1,7 +1,5 @@
 """From errors to lines on standard error and exit codes."""
 
-from __future__ import annotations
-
 import logging
 import warnings
 
@@ -10,8 +8,8 @@ import pytest
 
 from tdint import errors
 from tdint_cli import options
-from tdint_cli.errors import Failures, Settings, exit_code_of
 from tdint_cli.main import LazyGroup
+from tdint_cli.terminal import Failures, Settings, exit_code_of
 
 
 def raises(error: BaseException):
@@ -34,6 +32,11 @@ def raises(error: BaseException):
             errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
             3,
             "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n",
+        ),
+        (
+            ModuleNotFoundError("No module named 'yaml'", name="yaml"),
+            2,
+            "Error: yaml is not installed, and this needs it: pip install pyyaml\n",
         ),
         (KeyError("x"), 1, "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n"),
         (

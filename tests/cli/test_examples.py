@@ -1,13 +1,9 @@
 """`tdint examples`: rows, words, figures, exit codes."""
 
-from __future__ import annotations
-
-import csv
-import io
-
 import pytest
 
-from tdint_cli.commands.methods.examples import command
+from csv_rows import rows
+from tdint_cli.commands.examples import command
 
 COLUMNS = (
     "example,method,variant,dt_s,displacement_m_error,velocity_m_s_error,acceleration_m_s2_error,"
@@ -24,17 +20,6 @@ FILES = {
 }
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """The working directory, empty."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
-
-
 @pytest.mark.parametrize("numbers", [(1, 2), pytest.param((), marks=pytest.mark.slow)], ids=["1-2", "all"])
 def test_all_examples_with_their_figures(here, tdint, numbers):
     result = tdint("examples", *numbers, "-o", "paper")
@@ -49,7 +34,7 @@ def test_all_examples_with_their_figures(here, tdint, numbers):
         name for names in wanted.values() for name in names
     )
     for number, (name, _, *figures) in wanted.items():
-        assert rows((here / "paper" / name).read_text()) == [row for row in table if row["example"] == str(number)]
+        assert rows(here / "paper" / name) == [row for row in table if row["example"] == str(number)]
         assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
     assert "The paper: the proposed method errs least, the central difference most." in result.stderr
     assert "Its data stand in a drawing that we do not have" in " ".join(result.stderr.split())
@@ -124,17 +109,6 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
     assert "exact has no result: refused" in result.stderr
     left = sorted(path.name for path in (here / "out").iterdir())
     assert left == ["example-2-errors.csv", "example-2-errors.json"]
-
-
-def test_existing_files_are_kept_before_any_work(here, tdint):
-    (here / "out").mkdir()
-    (here / "out" / "figure-08.png").write_text("old")
-    result = tdint("examples", "1", "-o", "out")
-    assert (result.exit_code, result.stdout) == (6, "")
-    assert result.stderr == "Error: out/figure-08.png: exists already; give --overwrite to replace it\n"
-    assert (here / "out" / "figure-08.png").read_text() == "old"
-    assert tdint("examples", "1", "--dt", "0.04", "-o", "out", "--overwrite").exit_code == 0
-    assert (here / "out" / "figure-08.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

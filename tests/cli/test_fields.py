@@ -1,16 +1,20 @@
 """Ground motion fields: what each event does at each site, as OpenQuake and SimCenter name things."""
 
-from __future__ import annotations
-
-import csv
 import json
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import Result
+
+from csv_rows import rows
+from tdint.campaign.definition import FieldFile
+from tdint.campaign.motions import FieldMotions
+from tdint.campaign.sites import read_field
+from tdint.ground_motion.processing import RecordChoice
 
 Run = Callable[..., Result]
 
@@ -48,13 +52,11 @@ def region(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def rows(file: str) -> list[dict[str, str]]:
-    with Path(file).open(newline="") as lines:
-        return list(csv.DictReader(lines))
+PLACED = ("site", "distance_km", "inventory_site")
 
 
-def outcome(row: dict[str, str], *, but: tuple[str, ...] = ("sample", "event", "site")) -> dict[str, str]:
-    return {name: text for name, text in row.items() if name not in but}
+def outcome(row: dict[str, str], *, but: tuple[str, ...] = ("sample", "event")) -> dict[str, str]:
+    return {name: text for name, text in row.items() if name not in (*but, *PLACED)}
 
 
 def test_runs_are_those_listed_by_hand(region: Path, tdint: Run) -> None:
@@ -77,10 +79,11 @@ def test_runs_are_those_listed_by_hand(region: Path, tdint: Run) -> None:
             if sites[one["building"]] == row["site"]
         ]
     key = ["building", "record", "component", "scale", "sample"]
-    in_order = sorted(found, key=lambda row: [row[name] for name in key])
+    in_order = sorted((outcome(row, but=()) for row in found), key=lambda row: [row[name] for name in key])
     assert in_order == sorted(
-        ({name: row[name] for name in found[0]} for row in by_hand), key=lambda row: [row[name] for name in key]
+        ({name: row[name] for name in in_order[0]} for row in by_hand), key=lambda row: [row[name] for name in key]
     )
+    assert {(row["building"], row["site"]) for row in found} == set(sites.items())
 
 
 def test_the_site_is_the_nearest_or_named(region: Path, tdint: Run) -> None:
@@ -88,7 +91,8 @@ def test_the_site_is_the_nearest_or_named(region: Path, tdint: Run) -> None:
     assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
     Path("campaign.yaml").write_text(CAMPAIGN.replace(" sites: sites.csv,", ""))
     assert tdint("campaign", "campaign.yaml", "-o", "named").exit_code == 0
-    assert Path("named/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
+    both = [[outcome(row, but=()) for row in rows(f"{out}/runs.csv")] for out in ("named", "out")]
+    assert both[0] == both[1]
     Path("fields.csv").write_text("event,record\nA,firm.mseed\nB,soft.mseed\n")
     assert tdint("campaign", "campaign.yaml", "-o", "all").exit_code == 0
     assert [(row["building"], row["event"]) for row in rows("all/runs.csv")[::2]] == [
@@ -195,7 +199,8 @@ def test_a_map_and_damage_of_each_event(region: Path, tdint: Run) -> None:
         ("fields.csv", ("-1.25", "x"), 3, "fields.csv:3: factor must be a number, got 'x'"),
         ("fields.csv", ("M7-2,west", ",west"), 3, "fields.csv:4: event is missing"),
         ("fields.csv", ("event,", "quake,"), 3, "fields.csv:1: no column event"),
-        ("fields.csv", ("record,factor", "record,gmv_PGA"), 3, "fields.csv:5: gmv_pga is missing"),
+        ("fields.csv", (FIELDS, "event,site,record,gmv_PGA\n1,east,firm.mseed,\n"), 3,
+         "fields.csv:2: gmv_pga is missing"),
         ("fields.csv", (FIELDS, "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n"), 3, "fields.csv:1: no column site"),
         ("fields.csv", (FIELDS, "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n"), 3,
          "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'"),
@@ -204,12 +209,6 @@ def test_a_map_and_damage_of_each_event(region: Path, tdint: Run) -> None:
         ("fields.csv", ("record,factor", "record,gmv_MMI"), 3, "fields.csv:1: gmv_mmi: leave the one"),
         ("sites.csv", ("37.81", "97.81"), 3, "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'"),
         ("sites.csv", ("east", "west"), 3, "sites.csv:3: site 'west' is there twice"),
-        (
-            "buildings.csv",
-            ("37.805,-122.25", "37.805,"),
-            3,
-            "buildings.csv:3:7: Longitude: is missing; motions at places need that of each building",
-        ),
         ("buildings.csv", ("Latitude,Longitude", "north,east"), 3, "buildings.csv:1: no column Latitude"),
         ("fields.csv", ("event,site", "event,place"), 3, "fields.csv:1: no column site"),
         ("campaign.yaml", ("sites: sites.csv", "distance: degrees"), 3, "has nothing to act on without `sites`"),
@@ -226,6 +225,73 @@ def test_faults(region: Path, tdint: Run, file: str, change: tuple[str, str], co
     result = tdint("campaign", "campaign.yaml", "-o", "out")
     assert result.exit_code == code and message in result.stderr and result.stderr.count("\n") == 1
     assert not Path("out/runs.csv").exists()
+
+
+def test_faults_of_a_table_all_at_once(region: Path, tdint: Run) -> None:
+    changes = (("-1.25", "0"), ("M7-2,west", ",west"), ("M7-2,east", "M7-2,north"), ("M6,east", "M7-1,west"))
+    text = FIELDS
+    for change in changes:
+        text = text.replace(*change)
+    Path("fields.csv").write_text(text)
+    result = tdint("campaign", "campaign.yaml", "-o", "out")
+    assert result.exit_code == 3
+    said = ("3: factor must not be zero", "4: event is missing", "5: site 'north' is not in", "6: event 'M7-1' at site")
+    told = [line.partition("fields.csv:")[2] for line in result.stderr.splitlines()]
+    assert len(told) == 4 and all(line.startswith(one) for line, one in zip(told, said, strict=True))
+    Path("fields.csv").write_text("event,site,record\n" + ",east,firm.mseed\n" * 5000)
+    result = tdint("campaign", "campaign.yaml", "-o", "out")
+    assert result.stderr.splitlines()[-1].endswith("and at least 990 more faults") and result.stderr.count("\n") == 11
+
+
+def test_buildings_far_away_or_without_a_place_are_left_out_alone(region: Path, tdint: Run) -> None:
+    """The distance is that of the haversine formula; one on the other hemisphere gets nothing, one without a place is a
+    bad row, and what the others do is the same to the last digit."""
+    assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
+    first = rows("out/runs.csv")
+    more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
+    Path("buildings.csv").write_text(BUILDINGS + more)
+    result = tdint("campaign", "campaign.yaml", "-o", "far", "-q")
+    assert result.exit_code == 0 and "1 building left out, too far from any site (max_distance of" in result.stderr
+    found = rows("far/runs.csv")
+    assert [row for row in found if row["building"] != "e"] == first
+    away = {row["building"]: float(row["distance_km"]) for row in found}
+    for building, (latitude, longitude), (of_lat, of_lon) in (
+        ("a", (37.80, -122.27), (37.8, -122.27)), ("c", (37.81, -122.26), (37.81, -122.25)),
+        ("e", (37.9, -122.26), (37.81, -122.25)),
+    ):  # fmt: skip
+        here, there = np.radians((latitude, longitude)), np.radians((of_lat, of_lon))
+        half = np.sin((here - there) / 2.0) ** 2
+        haversine = half[0] + math.cos(here[0]) * math.cos(there[0]) * half[1]
+        assert away[building] == pytest.approx(2 * 6371.0 * math.asin(math.sqrt(haversine)), rel=1e-4, abs=1e-6)
+    told = json.loads(Path("far/summary.json").read_text())["not_used"]["buildings"]
+    (reason,) = told["reasons"]
+    assert told["count"] == 1 and "buildings.csv:5:" in reason and "max_distance is 15 km" in reason
+    Path("campaign.yaml").write_text(CAMPAIGN.replace("pairs: true", "pairs: true, max_distance: 900 m"))
+    assert tdint("campaign", "campaign.yaml", "-o", "near").exit_code == 0
+    assert {row["building"] for row in rows("near/runs.csv")} == {name for name in away if away[name] <= 0.9}
+    Path("campaign.yaml").write_text(CAMPAIGN)
+    Path("buildings.csv").write_text(BUILDINGS.replace("37.805,-122.25", "37.805,"))
+    result = tdint("campaign", "campaign.yaml", "-o", "lost", "-q")
+    assert result.exit_code == 3 and "buildings.csv:3:7: Longitude: is missing; motions at places" in result.stderr
+    assert rows("lost/runs.csv") == [row for row in first if row["building"] != "b"]
+
+
+def test_what_a_row_of_a_field_takes(tmp_path: Path) -> None:
+    """Its numbers and their order, and nothing of its text: at the most 100 bytes a row, however many there are."""
+    file, count = tmp_path / "fields.csv", 40_000
+    lines = (f"M{row % 400},s{row // 400},firm.mseed,{1.0 + 1e-3 * row:.4f}\n" for row in range(count))
+    file.write_text("event,site,record,factor\n" + "".join(lines))
+    (tmp_path / "firm.mseed").write_bytes((Path(__file__).parents[2] / "records/firm-soil.mseed").read_bytes())
+    wanted = FieldFile(str(file), RecordChoice(units="m/s^2", component="HN1"))
+    read_field(wanted)
+    tracemalloc.start()
+    found = read_field(wanted)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert isinstance(found.places, FieldMotions) and peak < 100 * count + 1_000_000
+    draws = found.places.draws(7)
+    assert [draw.sample for draw in draws] == list(range(1, 401))
+    assert [draw.factor for draw in draws] == pytest.approx([1.0 + 1e-3 * (2800 + place) for place in range(400)])
 
 
 def test_a_building_that_names_no_site(region: Path, tdint: Run) -> None:
@@ -262,3 +328,95 @@ def test_damage_of_each_event(region: Path, tdint: Run) -> None:
         names = ("type", "event", *(("building",) if row["building"] else ()))
         told = [float(run["loss_ratio"]) for run in runs if all(run[name] == row[name] for name in names)]
         assert float(row["loss_ratio"]) == pytest.approx(sum(told) / len(told), rel=1e-9)
+
+
+def test_money_is_the_sum_of_what_each_building_loses(region: Path, tdint: Run) -> None:
+    """cost times number times the mean loss ratio, summed by event, class and district by hand; its error is that of
+    the sums under each motion, of which an event of one record has none."""
+    cells = ("cost,number,district", "2e6,3,north", "1.5e6,,south", "4e5,10,north")
+    lines = [f"{line},{more}" for line, more in zip(BUILDINGS.splitlines(), cells, strict=True)]
+    Path("buildings.csv").write_text("\n".join(lines) + "\n")
+    damage = "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}}\n"
+    Path("campaign.yaml").write_text(CAMPAIGN + damage)
+    result = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "District")
+    assert result.exit_code == 0, result.stderr
+    found, runs = rows("out/losses.csv"), rows("out/damage.csv")
+    value = {"a": 6e6, "b": 1.5e6, "c": 4e6}
+    district = {"a": "north", "b": "south", "c": "north"}
+    groups = 0
+    for row in found:
+        mine = [run for run in runs if run["event"] == row["event"] and row["building"] in ("", run["building"])]
+        mine = [run for run in mine if row["type"] in ("", run["type"])]
+        mine = [run for run in mine if row["District"] in ("", district[run["building"]])]
+        names = {run["building"] for run in mine}
+        each = {name: [float(run["loss_ratio"]) for run in mine if run["building"] == name] for name in names}
+        expected = sum(value[name] * sum(of) / len(of) for name, of in each.items())
+        assert float(row["value"]) == pytest.approx(sum(value[name] for name in names), rel=1e-12)
+        assert float(row["loss"]) == pytest.approx(expected, rel=1e-9)
+        groups += not row["building"]
+        if len({run["record"] for run in mine}) == 2:
+            # Sums under each of both motions, about what they would be of the same loss ratio.
+            under = {record: [0.0, 0.0] for record in {run["record"] for run in mine}}
+            for run in mine:
+                share = value[run["building"]] / len(each[run["building"]])
+                under[run["record"]][0] += share
+                under[run["record"]][1] += share * float(run["loss_ratio"])
+            ratio = expected / float(row["value"])
+            error = math.sqrt(2.0 * sum((lost - ratio * worth) ** 2 for worth, lost in under.values()))
+            assert float(row["loss_error"]) == pytest.approx(error, rel=1e-7)
+        else:
+            assert row["loss_error"] == ""
+    assert groups == 3 + 8 + 6 and len(found) == groups + 8  # events; types, districts, buildings in events
+    again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county")
+    assert again.exit_code == 2 and "--by county: the inventory has no such column; it has" in again.stderr
+    Path("buildings.csv").write_text("\n".join(lines).replace("1.5e6", "much"))
+    wrong = tdint("campaign", "campaign.yaml", "-o", "new")
+    assert (
+        wrong.exit_code == 3
+        and "buildings.csv:3:9: cost: must be zero or a positive number, got 'much'" in wrong.stderr
+    )
+
+
+def test_tables_that_are_chosen(region: Path, tdint: Run) -> None:
+    """The same as among all, without the others; another choice does no run anew."""
+    damage = "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}}\n"
+    Path("campaign.yaml").write_text(CAMPAIGN + damage)
+    assert tdint("campaign", "campaign.yaml", "-o", "all").exit_code == 0
+    Path("campaign.yaml").write_text(CAMPAIGN + damage + "outputs: [losses]\n")
+    assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
+    assert sorted(file.name for file in Path("out").glob("[a-z]*")) == ["campaign.sqlite", "losses.csv", "summary.json"]
+    Path("campaign.yaml").write_text(CAMPAIGN + damage + "outputs: [runs, damage]\n")
+    result = tdint("campaign", "campaign.yaml", "-o", "out")
+    assert result.exit_code == 0 and "nothing to do" in result.stderr
+    for name in ("runs", "damage", "damage-types", "losses"):
+        assert Path(f"out/{name}.csv").read_bytes() == Path(f"all/{name}.csv").read_bytes()
+    Path("campaign.yaml").write_text(CAMPAIGN + "outputs: [runs, cost]\n")
+    result = tdint("campaign", "campaign.yaml", "-o", "new")
+    assert result.exit_code == 3 and "campaign.yaml:3:17: outputs[2]: unknown table 'cost'" in result.stderr
+
+
+def test_how_often_a_loss_comes_in_a_year(region: Path, tdint: Run) -> None:
+    """The sum of the rates of the events with losses as large, and the average annual loss, by hand."""
+    damage = "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}}\n"
+    Path("campaign.yaml").write_text(CAMPAIGN.replace("pairs: true", "pairs: true, rates: rates.csv") + damage)
+    Path("rates.csv").write_text("event,rate\nM7-1,0.002\nM7-2,0.004\nM6,0.05\nM5,1\n")
+    cells = ("cost,district", "2e6,north", "1.5e6,south", "4e5,north")
+    lines = [f"{line},{more}" for line, more in zip(BUILDINGS.splitlines(), cells, strict=True)]
+    Path("buildings.csv").write_text("\n".join(lines) + "\n")
+    result = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "district")
+    assert result.exit_code == 0, result.stderr
+    rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
+    losses = [row for row in rows("out/losses.csv") if not row["type"]]
+    for part in ("", "north", "south"):
+        mine = {row["event"]: float(row["loss"]) for row in losses if row["district"] == part}
+        told = [row for row in found if row["district"] == part]
+        assert [row["event"] for row in told] == sorted(mine, key=lambda event: -mine[event])
+        for row in told:
+            as_large = [event for event in mine if mine[event] >= mine[row["event"]]]
+            assert float(row["exceedance_rate"]) == pytest.approx(sum(rates[event] for event in as_large), rel=1e-10)
+        annual = sum(rates[event] * mine[event] for event in mine)
+        assert float(told[-1]["annual_loss"]) == pytest.approx(annual, rel=1e-10)
+    Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
+    result = tdint("campaign", "campaign.yaml", "-o", "new")
+    assert (result.exit_code, "rates.csv: has no rate of 2 events of the fields, such as 'M7-2'" in result.stderr) == (
+        3, True)  # fmt: skip

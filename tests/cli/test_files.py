@@ -1,12 +1,15 @@
 """Files of all commands: none that a command did not write is replaced without --overwrite, none is waited for."""
 
-from __future__ import annotations
-
+import itertools
+import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +17,12 @@ import click
 import pytest
 from click.testing import Result
 
-from tdint.analysis.chart.reference import _load
+from tdint.analysis.chart.problem import _load
 from tdint.kernels.building.store import _look_up_in, file_name
 from tdint.kernels.building.target import native
 from tdint.system import locked
 from tdint_cli.main import cli
-from tdint_cli.options.values import FileName
+from tdint_cli.options.grammar import FileName
 
 Run = Callable[..., Result]
 
@@ -35,14 +38,8 @@ WRITING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("run", "shaken.yaml", *MOTION, "-o", "out", "--history", "--plot", "--floor-spectra", "roof"),
         ("out/stories.csv", "out/summary.json", "out/history.csv", "out/response.png", "out/floor-spectra.csv"),
     ),
-    "histories": (
-        ("run", "shaken.yaml", *MOTION, "--history=h.csv.gz", "--plot=p.svg"),
-        ("h.csv.gz", "p.svg"),
-    ),
-    "runs": (
-        ("run", "shaken.yaml", *MOTION, "--scale", "0.5,1", "-o", "out"),
-        ("out/runs.csv", "out/summary.json"),
-    ),
+    "histories": (("run", "shaken.yaml", *MOTION, "--history=h.csv.gz", "--plot=p.svg"), ("h.csv.gz", "p.svg")),
+    "runs": (("run", "shaken.yaml", *MOTION, "--scale", "0.5,1", "-o", "out"), ("out/runs.csv", "out/summary.json")),
     "modes": (("modes", "shaken.yaml", "-o", "new/m.csv"), ("new/m.csv",)),
     "law": (("law", "shaken.yaml", "--drift", "0.02", "-o", "l.csv", "--plot"), ("l.csv", "l.png")),
     "pushover": (("pushover", "shaken.yaml", "-o", "p.csv", "--plot"), ("p.csv", "p.png")),
@@ -55,19 +52,10 @@ WRITING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("models.csv", "models/house.yaml"),
     ),
     "info": (("info", *MOTION, "-o", "i.csv", "--plot"), ("i.csv", "i.png")),
-    "spectrum": (
-        ("spectrum", *MOTION, "--period", "0.2,1", "-o", "s.csv", "--plot=other.pdf"),
-        ("s.csv", "other.pdf"),
-    ),
-    "drift-spectrum": (
-        ("drift-spectrum", *MOTION, "--period", "0.2,1", "-o", "d.csv", "--plot"),
-        ("d.csv", "d.png"),
-    ),
+    "spectrum": (("spectrum", *MOTION, "--period", "0.2,1", "-o", "s.csv", "--plot=other.pdf"), ("s.csv", "other.pdf")),
+    "drift-spectrum": (("drift-spectrum", *MOTION, "--period", "0.2,1", "-o", "d.csv", "--plot"), ("d.csv", "d.png")),
     "campaign": (("campaign", "study.yaml", "-o", "out"), ("out/runs.csv", "out/stories.csv", "out/summary.json")),
-    "merge": (
-        ("campaign", "merge", "part", "-o", "out"),
-        ("out/runs.csv", "out/stories.csv", "out/summary.json"),
-    ),
+    "merge": (("campaign", "merge", "part", "-o", "out"), ("out/runs.csv", "out/stories.csv", "out/summary.json")),
     "scale": (
         ("scale", "motion.mseed", *UNITS, "--pga", "0.4g", "-o", "f.csv", "--plot"),
         ("f.csv", "f.json", "f.png"),
@@ -86,10 +74,7 @@ WRITING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("s.csv", "s.png"),
     ),
     "overshoot": (("overshoot", "--method", "wilson", "-o", "s.csv", "--plot"), ("s.csv", "s.png")),
-    "order": (
-        ("order", "--method", "newmark-average", "--load", "free", "-o", "o.csv", "--plot"),
-        ("o.csv", "o.png"),
-    ),
+    "order": (("order", "--method", "newmark-average", "--load", "free", "-o", "o.csv", "--plot"), ("o.csv", "o.png")),
     "failures": (
         ("failures", "--problem", "stiff-node", "--method", "newmark-average", "-o", "f.csv", "--plot"),
         ("f.csv", "f.png"),
@@ -157,7 +142,8 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Ru
         mine.parent.mkdir(exist_ok=True)
         mine.write_bytes(b"mine")
         result = tdint(*arguments)
-        assert (result.exit_code, f"{file}: exists already" in result.stderr) == (6, True), result.output
+        assert (result.exit_code, result.stdout) == (6, ""), result.output
+        assert f"{file}: exists already" in result.stderr and "--overwrite to replace it" in result.stderr
         assert files_in(study) == before | {file: b"mine"}
         mine.unlink()
     first = tdint(*arguments)
@@ -189,7 +175,7 @@ READING: dict[str, tuple[tuple[str, ...], int]] = {
     "factors": (("run", "shaken.yaml", "motion.mseed", *UNITS, "--factors", "FIFO"), 3),
     "path": (("law", "shaken.yaml", "--path", "FIFO"), 2),
     "recordings": (("compare", "shaken.yaml", "--recorded", "FIFO", "-o", "out"), 3),
-    "table": (("modes", "shaken.yaml", "-o", "FIFO", "--overwrite"), 6),
+    "table": (("modes", "shaken.yaml", "-o", "FIFO.csv", "--overwrite"), 6),
     "inventory": (("inventory", "FIFO", "--units", "ft"), 3),
     "models": (("inventory", "town.csv", "--units", "ft", "--models", "FIFO", "--overwrite"), 6),
     "target": (("scale", "motion.mseed", *UNITS, "--target", "FIFO"), 3),
@@ -205,12 +191,12 @@ READING: dict[str, tuple[tuple[str, ...], int]] = {
     "ida": (("ida", "shaken.yaml", "FIFO", *UNITS), 4),
     "fragility": (("fragility", "FIFO"), 3),
     "chart": (("chart", "FIFO"), 3),
-    "overshoot": (("overshoot", "-o", "FIFO", "--overwrite"), 6),
-    "stability": (("stability", "-o", "FIFO", "--overwrite"), 6),
-    "order": (("order", "-o", "FIFO", "--overwrite"), 6),
-    "failures": (("failures", "-o", "FIFO", "--overwrite"), 6),
+    "overshoot": (("overshoot", "-o", "FIFO.csv", "--overwrite"), 6),
+    "stability": (("stability", "-o", "FIFO.csv", "--overwrite"), 6),
+    "order": (("order", "-o", "FIFO.csv", "--overwrite"), 6),
+    "failures": (("failures", "-o", "FIFO.csv", "--overwrite"), 6),
     "examples": (("examples", "1", "-o", "FIFO", "--overwrite"), 6),
-    "validate": (("validate", "-o", "FIFO", "--overwrite"), 6),
+    "validate": (("validate", "-o", "FIFO.csv", "--overwrite"), 6),
     "compile": (("compile", "FIFO"), 3),
     "sensitivity": (("sensitivity", "FIFO", *MOTION, "--vary", "mass_factor=0.9:1.1"), 3),
     "plug-in": (("methods", "--plugin", "FIFO.py"), 2),
@@ -275,3 +261,176 @@ def test_a_named_pipe_in_the_cache_is_not_waited_for(
             target = native()
             shutil.move(pipe, study / file_name("a:b", "v", target))
             assert _look_up_in(study, False, "a:b", "v", (target,)) is None
+
+
+RECORD = ("{read}", *UNITS, "--component", "HNE")
+KEPT_SAFE: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "init": ("curves", ".yaml", ("init", "{written}", "--weights", "100", "--from-pushover", "{read}")),
+    "run --plot": ("model", ".png", ("run", "{read}", *MOTION, "--plot={written}")),
+    "run --report": ("model", ".html", ("run", "{read}", *MOTION, "--report", "{written}")),
+    "run --history": ("model", ".csv", ("run", "{read}", *MOTION, "--history={written}")),
+    "run RECORD": ("motion", ".png", ("run", "shaken.yaml", *RECORD, "--plot={written}")),
+    "run, the model's record": ("motion", ".png", ("run", "own.yaml", "--plot={written}")),
+    "runs --plot": ("model", ".png", ("run", "{read}", *MOTION, "--scale", "1,2", "--plot={written}")),
+    "runs --report": ("model", ".html",
+                    ("run", "{read}", *MOTION, "--scale", "1,2", "-o", "o", "--report", "{written}")),
+    "modes -o": ("model", ".csv", ("modes", "{read}", "-o", "{written}")),
+    "modes -o of the summary": ("model", ".json", ("modes", "{read}", "-o", "{beside}.csv")),
+    "modes --plot": ("model", ".png", ("modes", "{read}", "-o", "m.csv", "--plot={written}")),
+    "law -o": ("model", ".csv", ("law", "{read}", "--drift", "1%", "-o", "{written}")),
+    "law --path": ("path", ".csv", ("law", "shaken.yaml", "--path", "{read}", "-o", "{written}")),
+    "pushover -o": ("model", ".csv", ("pushover", "{read}", "-o", "{written}")),
+    "compare -o": ("recordings", ".csv", ("compare", "shaken.yaml", "--recorded", "{read}", "-o", "{written}")),
+    "compare --plot": ("model", ".png", ("compare", "{read}", "--recorded", "recorded.yaml", "--plot={written}")),
+    "inventory -o": ("town", ".csv", ("inventory", "{read}", "--units", "ft", "-o", "{written}")),
+    "inventory --models": ("town", ".yaml", ("inventory", "{read}", "--units", "ft", "--models", ".", "-o", "t.csv")),
+    "info -o": ("motion", ".csv", ("info", *RECORD, "-o", "{written}")),
+    "info DIR": ("motion", ".mseed", ("info", "many", *UNITS, "-o", "{written}")),
+    "spectrum -o": ("motion", ".csv", ("spectrum", *RECORD, "--period", "1", "-o", "{written}")),
+    "spectrum --jobs": ("motion", ".mseed",
+                    ("spectrum", "many", *UNITS, "--period", "1", "--jobs", "2", "-o", "{written}")),
+    "spectrum --against": ("target", ".csv", ("spectrum", *MOTION, "--against", "{read}", "-o", "{written}")),
+    "spectrum --target": ("target", ".csv", ("spectrum", "--target", "{read}", "-o", "{written}")),
+    "drift-spectrum -o": ("motion", ".csv", ("drift-spectrum", *RECORD, "--period", "1", "-o", "{written}")),
+    "campaign --plot": ("campaign", ".png", ("campaign", "{read}", "-o", "o", "--plot={written}")),
+    "campaign --report": ("model", ".html", ("campaign", "of-it.yaml", "-o", "o", "--report", "{written}")),
+    "campaign -o": ("campaign", ".csv", ("campaign", "{read}", "-o", "{folder}")),
+    "scale -o": ("motion", ".csv", ("scale", *RECORD, "--pga", "0.4g", "-o", "{written}")),
+    "scale --spectra": ("target", ".csv", ("scale", *MOTION, "--target", "{read}", "--spectra", "{written}")),
+    "ida --plot": ("model", ".png", ("ida", "{read}", *MOTION, "--precision", "40%", "--plot={written}")),
+    "sensitivity -o": ("motion", ".csv",
+                       ("sensitivity", "shaken.yaml", *RECORD, "--vary", "mass_factor=0.9:1.1", "-o", "{written}")),
+    "fragility -o": ("stripes", ".csv", ("fragility", "{read}", "-o", "{written}")),
+    "fragility --openquake": ("stripes", ".xml", ("fragility", "{read}", "--openquake", "{written}")),
+    "chart -o": ("model", ".csv", ("chart", "{read}", "--method", "newmark-average", "-o", "{written}")),
+    "stability --plugin": ("plug-in", ".py",
+                    ("stability", "--plugin", "{read}", "--method", "wilson", "-o", "{written}")),
+    "order --style": ("style", ".png", ("order", "--method", "newmark-average", "--load", "free",
+                                        "--style", "file={read}", "--plot={written}")),
+}  # fmt: skip
+"""Of each option whose file is written a call, what is read under the name that it writes, and the name's suffix."""
+
+OF_ONE_MECHANISM = {"--plot", "-o"}
+"""Of `Outputs`, in whatever command."""
+
+IN_FOLDERS = {("run", "-o"), ("ida", "-o"), ("examples", "-o"), ("compile", "-o")}
+
+
+def test_every_file_option_that_is_written_is_tried() -> None:
+    """But for folders whose files have names of their own, and commands that read nothing."""
+    tried = {(words[0], word.partition("=")[0]) for _, _, words in KEPT_SAFE.values() for word in words}
+    for name in writing_commands():
+        command = cli.get_command(click.Context(cli), name)
+        assert command is not None
+        for one in command.params:
+            if isinstance(one.type, FileName) and one.type.written and one.opts[0] not in OF_ONE_MECHANISM:
+                assert (name, one.opts[0]) in tried | {("init", "file")}, name
+    reading = {words[0] for _, _, words in KEPT_SAFE.values()}
+    assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile"}
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize(
+    ("name", "link"),
+    [*((name, "") for name in KEPT_SAFE), *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard"))],
+)
+def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Run, name: str, link: str) -> None:
+    kind, suffix, words = KEPT_SAFE[name]
+    folder = {"campaign -o": "runs", "inventory --models": "house", "spectrum --jobs": "many"}.get(name, "kept")
+    read = Path("many") / f"a{suffix}" if "many" in words else Path(f"{folder}{suffix}")
+    content = {
+        "model": (study / "shaken.yaml").read_bytes(),
+        "motion": (study / "motion.mseed").read_bytes(),
+        "campaign": (study / "study.yaml").read_bytes(),
+        "town": (study / "town.csv").read_bytes(),
+        "stripes": (study / "stripes.csv").read_bytes(),
+        "recordings": (study / "recorded.yaml").read_bytes(),
+        "curves": b"story,drift_m,shear_N\n" + b"".join(b"1,%g,%g\n" % (0.01 * i, 1e5 + 1e3 * i) for i in range(1, 9)),
+        "path": b"drift_m\n0.01\n-0.01\n",
+        "target": b"period_s,sa_g\n0.1,1\n2,0.5\n",
+        "plug-in": b"METHODS = ()\n",
+        "style": b"lines.linewidth: 2\n",
+    }[kind]
+    (study / "many").mkdir()
+    (study / read).write_bytes(content)
+    model = (study / "shaken.yaml").read_text()
+    record = f"{{file: {read}, units: m/s^2, component: HNE}}"
+    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
+    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", str(read)))
+    written = read
+    if link and name not in ("inventory --models", "campaign -o"):
+        written = Path(f"link{suffix}")
+        (os.symlink if link == "symbolic" else os.link)(study / read, study / written)
+    names = {"read": read, "written": written, "beside": written.stem, "folder": "."}
+    before = files_in(study)
+    result = tdint(*(word.format(**names) for word in words), "--overwrite")
+    assert result.exit_code in (2, 6), result.output
+    assert "is read by this command" in result.stderr
+    after = files_in(study)
+    assert {file: after.get(file) for file in before} == before
+
+
+def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
+    before = (study / "shaken.yaml").read_bytes()
+    with (study / "shaken.yaml").open("rb") as stream:
+        done = subprocess.run(
+            [sys.executable, "-m", "tdint_cli", "modes", "-", "-o", "shaken.yaml", "--overwrite"],
+            stdin=stream, cwd=study, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    assert (done.returncode, "is read by this command" in done.stderr) == (6, True), done.stderr
+    assert (study / "shaken.yaml").read_bytes() == before
+
+
+def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(study: Path, tdint: Run) -> None:
+    whole = ("run", "shaken.yaml", *MOTION, "-o", "out", "--overwrite")
+    assert tdint(*whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed").exit_code == 0
+    first = files_in(study / "out")
+    listed = json.loads(first["summary.json"])["files"]
+    assert {one["file"]: one["sha256"] for one in listed} == {
+        name: sha256(data).hexdigest() for name, data in first.items() if name != "summary.json"
+    }
+    mine = {"history.csv": b"mine", "response.png": b"mine", "notes.txt": b"mine"}
+    for name, data in mine.items():
+        (study / "out" / name).write_bytes(data)
+    result = tdint(*whole)
+    assert (result.exit_code, "history.csv, response.png: not as an earlier run wrote it" in result.stderr) == (0, True)
+    left = files_in(study / "out")
+    assert set(left) == {"stories.csv", "summary.json", *mine}
+    assert {name: left[name] for name in mine} == mine
+    (study / "out" / "summary.json").write_bytes(b"[")  # one that lists nothing
+    assert tdint(*whole).exit_code == 0
+    assert {name: files_in(study / "out")[name] for name in mine} == mine
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--plot=x.jpg",), "a picture is written as .png, .pdf or .svg"),
+        (("--plot", "mine.png"), "mine.png: exists already"),
+        (("--report", "mine.html"), "mine.html: exists already"),
+        (("--report", "many/no/r.html"), "many is a file, not a folder"),
+        (("--report", "r.pdf"), "the page is HTML"),
+    ],
+)
+@pytest.mark.parametrize("of", [("campaign", "study.yaml"), ("run", "shaken.yaml", *MOTION, "--scale", "1,2")])
+def test_names_are_looked_at_before_the_runs(
+    study: Path, tdint: Run, words: tuple[str, ...], said: str, of: Any
+) -> None:
+    for name in ("mine.png", "mine.html", "many"):
+        (study / name).write_bytes(b"mine")
+    before = files_in(study)
+    result = tdint(*of, "-o", "out", *words)
+    assert (result.exit_code, said in result.stderr, result.stdout) == (2, True, ""), result.output
+    assert files_in(study) == before and not (study / "out" / "campaign.sqlite").exists()
+
+
+def test_a_dash_is_standard_output(study: Path, tdint: Run) -> None:
+    for words in (
+        ("modes", "shaken.yaml"),
+        ("spectrum", *MOTION, "--period", "1"),
+        ("stability", "--method", "wilson"),
+    ):
+        assert tdint(*words, "-o", "-").stdout == tdint(*words).stdout != ""
+    result = tdint("run", "shaken.yaml", *MOTION, "-o", "-")
+    assert (result.exit_code, "this command writes a folder" in result.stderr) == (2, True)
+    assert not (study / "-").exists()

@@ -1,23 +1,16 @@
 """`tdint init` of real data: weights, curves of stories, motions; and the shapes of `tdint modes`."""
 
-from __future__ import annotations
-
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import rows
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.story_curves import fit_story, read_story_curves
 from tdint.units import STANDARD_GRAVITY
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 @pytest.mark.parametrize(("units", "newton"), [("si", 1e3), ("us", 4448.2216152605)])

@@ -1,26 +1,18 @@
 """Floor spectra and floor motions of a run: as exact as those of a record, and the same by two routes."""
 
-from __future__ import annotations
-
-import csv
-import io
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdint.ground_motion.export import to_mseed
+from csv_rows import rows
 from tdint.ground_motion.reading.read import read_record
-from tdint.ground_motion.record import Record
-
-
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
+from tdint.ground_motion.record import Record, to_mseed
 
 
 def written(name):
-    return rows((Path("out") / name).read_text())
+    return rows(Path("out") / name)
 
 
 @pytest.fixture
@@ -117,7 +109,7 @@ def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint):
         folder = f"{record}-{component}"
         tdint("run", "shaken.yaml", record, "--component", component, *options, "-o", folder)
         ours = [row for row in every if (row["record"], row["component"]) == (record, component)]
-        theirs = rows((Path(folder) / "floor-spectra.csv").read_text())
+        theirs = rows(Path(folder) / "floor-spectra.csv")
         assert [{name: row[name] for name in theirs[0]} for row in ours] == theirs
         alone[record, component] = [float(row["psa_m_s2"]) for row in theirs]
     pair = np.maximum(alone["motion.mseed", "HNE"], alone["motion.mseed", "HNN"])

@@ -1,22 +1,15 @@
 """One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard input."""
 
-from __future__ import annotations
-
-import csv
-import io
 from importlib import import_module
 
 import click
 import pytest
 
+from csv_rows import rows
 from tdint_cli.main import COMMANDS, GROUPS, cli
-from tdint_cli.options import headings
+from tdint_cli.options import grammar
 from tdint_cli.options.analysis import _specifications
-from tdint_cli.options.headings import BESIDE, with_named_files
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
+from tdint_cli.options.grammar import BESIDE, with_named_files
 
 
 def column(text: str, name: str) -> list[float]:
@@ -136,8 +129,8 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (["spectrum", "other.mseed", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
         (["run", "forced.yaml", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
         (["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"], 2, "--plot=FILE is one picture of all records"),
-        (["spectrum", "other.mseed", "--plot", "x.jpg"], 6, "a picture is written as .png, .pdf or .svg, not .jpg"),
-        (["run", "forced.yaml", "--plot=x"], 6, "a picture is written as .png, .pdf or .svg"),
+        (["spectrum", "other.mseed", "--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
+        (["run", "forced.yaml", "--plot=x"], 2, "a picture is written as .png, .pdf or .svg"),
         (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
     ],
 )
@@ -147,6 +140,26 @@ def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, argu
     assert (result.exit_code, result.stdout) == (code, "")
     assert message in result.stderr
     assert sorted(folder.iterdir()) == before
+
+
+TABLES = [
+    name
+    for name in COMMANDS
+    for option in import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command.params
+    if option.name == "output" and "FILE" in option.metavar.split("|")
+]
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_is_a_file_with_a_suffix(tmp_path, monkeypatch, tdint, name):
+    """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
+    monkeypatch.chdir(tmp_path)
+    words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
+    result = tdint(name, *words, "-o", "sp")
+    folder = "; sp/ is a folder" if "spectrum" in name else ""
+    expected = f"Error: -o sp: a table is a file, sp.csv or sp.csv.gz{folder}; -o - is standard output"
+    assert (result.exit_code, result.stderr.partition(" (see")[0].strip()) == (2, expected)
+    assert not list(tmp_path.iterdir())
 
 
 def test_output_folders_are_made(folder, tdint):
@@ -195,11 +208,11 @@ def options_of(name: str) -> list[click.Option]:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_options_stand_under_headings(name, tdint):
-    text = tdint(name, "--help").stdout
-    places = [text.index(f"\n{heading}:\n") for heading in headings.ORDER if f"\n{heading}:\n" in text]
+    text = tdint(name, "--help-all").stdout
+    places = [text.index(f"\n{heading}:\n") for heading in grammar.ORDER if f"\n{heading}:\n" in text]
     assert places == sorted(places)
     assert "\nGeneral:\n" in text
-    assert all(isinstance(option, headings.HeadedOption) for option in options_of(name))
+    assert all(isinstance(option, grammar.HeadedOption) for option in options_of(name))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -224,7 +237,15 @@ NEEDY = [
     for parameter in import_module(f"tdint_cli.commands.{module}").command.params
     if getattr(parameter, "needs", "")
 ]
-WORDS = {"compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "overshoot": [], "order": []}
+WORDS = {
+    "compile": ["--all"],
+    "ida": ["x", "y"],
+    "failures": [],
+    "stability": [],
+    "examples": [],
+    "overshoot": [],
+    "order": [],
+}
 REQUIRED = {"inventory": ["--units", "m"], "compare": ["--recorded", "x"], "scale": ["--pga", "1g"]}
 
 
@@ -257,8 +278,8 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
         "--year": "1985",
         "--damping": "0.1",
         "--hardening": "0.1",
-        "--figure-width": "90mm",
-        "--label": "hht=HHT",
+        "--style": "90mm",
+        "--report-head": "Project: bridge",
         "--pairs": "{}_N.txt,{}_E.txt",
     }.get(option)
     asked = [*words, option, *([value] if value else a_value(parameter))]
@@ -293,3 +314,9 @@ def test_options_that_act_are_declared_so():
 )
 def test_with_it_an_option_is_taken(folder, tdint, arguments):
     assert tdint(*arguments).exit_code == 0
+
+
+def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
+    result = tdint("scale", "motion.mseed", "--pairs", "-q", "--pga", "0.3g")
+    assert (result.exit_code, "--pairs needs a value, and -q is an option" in result.stderr) == (2, True)
+    assert tdint("scale", "motion.mseed", "--units", "m/s^2", "--pga", "0.3g", "-q").exit_code == 0

@@ -1,8 +1,5 @@
 """`tdint init` and `tdint check`: a first model that runs, and what is wrong with others."""
 
-from __future__ import annotations
-
-import csv
 import json
 import os
 import subprocess
@@ -16,6 +13,7 @@ import pytest
 from click.testing import Result
 
 import readmes
+from csv_rows import rows
 from json_schema import valid
 from tdint.campaign.reader import campaign_schema
 from tdint.ground_motion.pulse import VelocityPulse
@@ -24,10 +22,6 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
 
 Run = Callable[..., Result]
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(text.splitlines()))
 
 
 def test_the_first_commands_of_the_readme_run_in_an_empty_folder(tmp_path: Path) -> None:
@@ -178,6 +172,28 @@ def test_the_schemas(folder: Path, tdint: Run) -> None:
         assert json.loads(done.stdout) == schema
 
 
+def test_an_unusual_peak_is_told_before_a_run_and_of_a_campaign_in_a_line(
+    folder: Path, tdint: Run, make_record: Callable[..., None]
+) -> None:
+    """Where motions are brought to a value, the peaks as they were read mean nothing."""
+    text = (folder / "shaken.yaml").read_text()
+    (folder / "shaken.yaml").write_text(text.replace("component: HNE", "component: HNE, scale: 100"))
+    done = tdint("check", "shaken.yaml")
+    assert done.exit_code == 0 and "shaken.yaml: peak ground acceleration " in done.stderr
+    (folder / "shaken.yaml").write_text(text.replace("motion.mseed", "damaged.mseed"))
+    (folder / "damaged.mseed").write_bytes(b"no record")
+    assert tdint("check", "shaken.yaml").exit_code == 4
+    (folder / "shaken.yaml").write_text(text)
+    for number in range(4):
+        make_record(folder / f"{number}.mseed", "HNE", peak=33.0)  # 2.7 g
+    study = "buildings: {models: [shaken.yaml]}\nrecords: {files: [0.mseed, 1.mseed, 2.mseed, 3.mseed, motion.mseed]}\n"
+    for levels, lines in (("", 1), ("intensity: {measure: pga, levels: [0.1 g]}\n", 0)):
+        (folder / "study.yaml").write_text(study + levels)
+        done = tdint("campaign", "study.yaml", "-o", f"study-{lines}")
+        assert done.exit_code == 0, done.stderr
+        assert done.stderr.count("peak ground acceleration") == done.stderr.count("2.mseed HNE and 1 more") == lines
+
+
 def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Run) -> None:
     campaign = {"buildings": {"models": ["shaken.yaml", "bad.yaml"]}, "records": {"files": ["motion.mseed"]}}
     assert valid(campaign, campaign_schema())
@@ -208,14 +224,6 @@ def test_a_name_or_a_period_that_no_model_has(tdint, tmp_path, monkeypatch, word
     result = tdint("init", *words)
     assert (result.exit_code, result.stdout) == (2, ""), result.stderr
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("command", ["check", "run", "modes", "campaign"])
-def test_a_named_pipe_is_not_waited_for(tdint, tmp_path, monkeypatch, command) -> None:
-    monkeypatch.chdir(tmp_path)
-    os.mkfifo("pipe.yaml")
-    result = tdint(command, "pipe.yaml", *(["-o", "out"] if command == "campaign" else []))
-    assert (result.exit_code, "is a named pipe" in result.stderr) == (3, True), result.stderr
 
 
 @pytest.mark.parametrize("name", [" .yaml", "", "..", "m.yaml.gz"])

@@ -1,7 +1,6 @@
 """Ctrl-C and SIGTERM while a library works and Python does not look."""
 
-from __future__ import annotations
-
+import errno
 import signal
 import subprocess
 import sys
@@ -9,13 +8,15 @@ import time
 
 import pytest
 
+from tdint_cli.terminal import Settings, exit_code_of
+
 # A file is being written, and the writer is in LAPACK for a minute.
 STUCK = """
 import sys
 from pathlib import Path
 import numpy as np
 from tdint.files import write_file
-from tdint_cli.errors import end_in_time, exit_code_of
+from tdint_cli.terminal import end_in_time, exit_code_of
 from tdint_cli.terminal import Settings
 
 def write(stream):
@@ -30,9 +31,16 @@ sys.exit(exit_code_of(lambda: write_file(file, write, overwrite=False), Settings
 """
 
 
+OTHERS = [
+    (getattr(signal, name), 128 + getattr(signal, name), "Terminated")
+    for name in ("SIGHUP", "SIGXCPU")
+    if hasattr(signal, name)
+]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize(
-    ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+    ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated"), *OTHERS]
 )
 def test_a_signal_ends_the_command_inside_of_a_library(tmp_path, number, code, word):
     command = [sys.executable, "-c", STUCK, str(tmp_path)]
@@ -50,7 +58,7 @@ def test_a_signal_ends_the_command_inside_of_a_library(tmp_path, number, code, w
 LINGERING = """
 import sys, time
 from concurrent.futures import ThreadPoolExecutor
-from tdint_cli.errors import end_in_time, exit_code_of
+from tdint_cli.terminal import end_in_time, exit_code_of
 from tdint_cli.terminal import Settings
 
 def command():
@@ -80,3 +88,46 @@ def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for(number, 
         process.send_signal(number)
     _, said = process.communicate(timeout=15)
     assert (process.returncode, said) == (code, f"{word}\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, *(number for number, _, _ in OTHERS)])
+def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
+    """Modules that are being loaded turn it into errors of their own."""
+
+    def command():
+        try:
+            signal.raise_signal(number)
+        except BaseException as error:
+            raise ImportError("cannot load this") from error
+
+    handler = signal.getsignal(number)
+    assert exit_code_of(command, Settings()) == 128 + number
+    assert capsys.readouterr().err == ("Interrupted\n" if number == signal.SIGINT else "Terminated\n")
+    assert signal.getsignal(number) == handler
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_signal_that_is_ignored_is_ignored(capsys):
+    """As of `nohup`."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert exit_code_of(lambda: signal.raise_signal(signal.SIGHUP), Settings()) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("libx.so: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+    ],
+)
+def test_want_of_memory_is_one_line_whoever_tells_it(capsys, error):
+    def command():
+        raise ValueError("something else") from error
+
+    assert exit_code_of(command, Settings()) == 5
+    assert capsys.readouterr().err.startswith("Error: not enough memory; leave out")

@@ -1,12 +1,11 @@
 """`tdint inventory` and `tdint pushover`: rows, files, words, exit codes."""
 
-from __future__ import annotations
-
-import csv
-import io
 from pathlib import Path
 
 import pytest
+
+from csv_rows import rows
+from tdint import modal_response, pushover, target_displacements
 
 COLUMNS = (
     "id,design_level,hazus_type,period_rule_s,period_shear_beam_s,damping_ratio,story,mass_kg,height_m,stiffness_N_m,"
@@ -15,10 +14,6 @@ COLUMNS = (
 CONFIGS = Path(__file__).parents[2] / "configs"
 BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\nbad,0,1990,C9,600\n"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_a_table_of_buildings_and_their_models(folder, tdint):
@@ -42,7 +37,7 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
     (folder / "b.csv").write_text(BAD)
     result = tdint("inventory", "b.csv", "--units", "m", "-o", "models.csv")
     assert (result.exit_code, result.stdout) == (3, "")
-    assert {row["id"] for row in rows((folder / "models.csv").read_text())} == {"good"}
+    assert {row["id"] for row in rows(folder / "models.csv")} == {"good"}
     words, *faults = result.stderr.splitlines()
     assert words == "1 of 2 buildings by the rules mdof-lu."
     assert [fault.split(": ")[1] for fault in faults] == ["b.csv:3:2", "b.csv:3:4"]
@@ -81,7 +76,7 @@ def test_a_pushover(folder, tdint):
     """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
     result = tdint("pushover", "shaken.yaml", "--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv")
     assert result.exit_code == 0
-    table = rows((folder / "p.csv").read_text())
+    table = rows(folder / "p.csv")
     assert list(table[0]) == [
         "step", "roof_displacement_m", "roof_drift_ratio", "base_shear_N", "story_1_drift_m", "story_2_drift_m",
     ]  # fmt: skip
@@ -93,6 +88,30 @@ def test_a_pushover(folder, tdint):
     shear = (0.075 + 50.0 / 800.0 - 50.0 / 8000.0) / (1.0 / 800.0 + 0.5 / 8000.0)
     assert float(last["base_shear_N"]) == pytest.approx(shear, rel=1e-9)
     assert result.stderr.startswith("shaken, uniform pattern: largest base shear ")
+
+
+def test_a_pushover_to_a_design_spectrum(folder, tdint):
+    """The table has what Python has; a row per method and story, and a sentence of each method."""
+    frame = CONFIGS / "kaikoura-frame.yaml"
+    result = tdint("pushover", frame, "--target", "ec8:type=1,soil=C,ag=0.35g", "--plot=t.png")
+    assert result.exit_code == 0
+    table = rows(result.stdout)
+    made = target_displacements(pushover(frame, "4%"), "ec8:type=1,soil=C,ag=0.35g")
+    assert [(row["method"], row["story"]) for row in table] == [
+        (method, str(story)) for method in ("n2", "coefficients") for story in range(1, 7)
+    ]
+    roofs = [float(row["roof_displacement_m"]) for row in table[::6]]
+    assert roofs == pytest.approx([each.roof_displacement for each in made], rel=1e-11)
+    assert f"n2: the roof at {roofs[0]:.4g} m" in result.stderr
+    assert (folder / "t.png").stat().st_size > 10_000
+
+
+def test_a_target_beyond_the_curve_is_refused(folder, tdint):
+    arguments = ("--target", "ec8:type=1,soil=C,ag=0.9g", "-o", "t.csv")
+    result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", *arguments)
+    assert result.exit_code == 5
+    assert "the curve ends there: the building carries nothing any more" in result.stderr
+    assert not (folder / "t.csv").exists()
 
 
 def test_the_picture_of_a_pushover(folder, tdint):
@@ -128,3 +147,16 @@ def test_of_many_faults_the_first_ten_and_their_number_are_shown(tdint, tmp_path
     lines = [line for line in result.stderr.splitlines() if line.startswith("Error")]
     assert (result.exit_code, len(lines)) == (3, 11)
     assert lines[-1].endswith("and 990 more faults, 1000 in all")
+
+
+def test_modes_under_a_design_spectrum(folder, tdint):
+    """The rows of Python, and an option that has nothing to act on."""
+    arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")
+    result = tdint(*arguments, "--plot=m.png")
+    assert result.exit_code == 0
+    made = modal_response(CONFIGS / "ten-story.yaml", arguments[-1])
+    assert [float(row["shear_cqc_N"]) for row in rows(result.stdout)] == pytest.approx(made.shear_cqc, rel=1e-11)
+    assert "All modes are in it: no mass is missing." in result.stderr
+    assert (folder / "m.png").stat().st_size > 10_000
+    refused = tdint(*arguments, "--shapes", "roof")
+    assert (refused.exit_code, "--shapes has nothing to act on with --target" in refused.stderr) == (2, True)

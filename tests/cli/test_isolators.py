@@ -1,15 +1,12 @@
 """Isolator stories: displacements in place of drift ratios, P-delta by their height, and no Rayleigh damping; and the
 warning of stories that P-delta pushes over."""
 
-from __future__ import annotations
-
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import rows
 from tdint.errors import ModelError
 from tdint.model.building import assemble, falling_stories, stiffness_after_yield
 from tdint.model.config.model_file import load_model
@@ -24,10 +21,6 @@ def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = "", name: s
     file = tmp_path / name
     file.write_text(f"stories:\n  - {{{first}}}\n{rest}{more}")
     return load_model(file)
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 @pytest.mark.parametrize("below", [0, 2])

@@ -1,17 +1,9 @@
 """`tdint methods` and `tdint modes`."""
 
-from __future__ import annotations
-
-import csv
-import io
-
 import pytest
 
+from csv_rows import rows
 from tdint.methods.catalogue import catalogue
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_methods(tdint):

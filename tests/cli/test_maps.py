@@ -1,8 +1,5 @@
 """What maps need: columns of an inventory in the tables of its campaign, GeoJSON, Parquet."""
 
-from __future__ import annotations
-
-import csv
 import json
 import math
 from collections.abc import Callable
@@ -10,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
+
+from csv_rows import rows
 
 Run = Callable[..., Result]
 
@@ -37,11 +36,6 @@ def region(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("buildings.csv").write_text(BUILDINGS)
     Path("motion.mseed").write_bytes((Path(__file__).parents[2] / "records" / "near-fault.mseed").read_bytes())
     return tmp_path
-
-
-def rows(file: str) -> list[dict[str, str]]:
-    with Path(file).open(newline="") as lines:
-        return list(csv.DictReader(lines))
 
 
 def positions(geometry: dict[str, object] | None) -> list[float] | None:
@@ -145,7 +139,7 @@ def test_a_map_has_the_units_of_the_tables(region: Path, tdint: Run) -> None:
 )
 def test_what_a_map_refuses(region: Path, tdint: Run, change: tuple[str, str], message: str) -> None:
     Path("buildings.csv").write_text(BUILDINGS.replace(*change) if change[0] else BUILDINGS)
-    assert tdint("campaign", "campaign.yaml", "-o", "out", *(() if change[0] else ("--limit", "1"))).exit_code == 0
+    assert tdint("campaign", "campaign.yaml", "-o", "out", *(() if change[0] else ("--max-runs", "1"))).exit_code == 0
     result = tdint("campaign", "export", "out", "--geojson")
     assert result.exit_code == 2 and message in result.stderr and result.stderr.count("\n") == 1
     assert not Path("out/buildings.geojson").exists()

@@ -1,7 +1,5 @@
 """`--output-units`: every table, summary and sentence in other units, and back; histories packed and thinned."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io
@@ -15,8 +13,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from tdint.output_units import parse_output_units
-from tdint.quantity import suffix
+from tdint.units import parse_output_units, suffix
 
 Run = Callable[..., Result]
 US = parse_output_units("kip,in,g")

@@ -1,23 +1,16 @@
 """Small things that users asked for: factors of spectra, names apart, where to go with two buildings."""
 
-from __future__ import annotations
-
-import csv
-import io
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import rows
 from tdint.ground_motion.record import Record
-from tdint.output.figures.spectrum_axes import in_median
+from tdint.output.figures.spectrum_curves import in_median
 from tdint.output.figures.style import changed, record_names, scaled_unit
-from tdint.output_units import parse_output_units
-
-
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
+from tdint.units import parse_output_units
 
 
 def test_a_spectrum_of_a_scaled_record(folder, tdint):

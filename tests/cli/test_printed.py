@@ -1,22 +1,18 @@
 """Pictures for print: their width, fonts, words, and what is refused."""
 
-from __future__ import annotations
-
+import itertools
 import re
 import zlib
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from tdint.output.figures.style import Picture
 from tdint.output.printed import PRINTED, PrintedAs, in_print
 
 POINTS = 72.0 / 25.4
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """The working directory, empty."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def stability(tdint, *more):
@@ -28,7 +24,7 @@ def numbers(found):
 
 
 def test_a_pdf_has_the_width_and_embedded_truetype(here, tdint):
-    for words, width in ((("--figure-width", "90mm"), 90.0), (("--figure-width", "7in"), 177.8)):
+    for words, width in ((("--style", "90mm"), 90.0), (("--style", "width=7in"), 177.8)):
         assert stability(tdint, *words, "--plot=a.pdf", "--overwrite").exit_code == 0
         data = (here / "a.pdf").read_bytes()
         box = numbers(re.search(rb"/MediaBox \[ ([^\]]*) \]", data)[1].decode())
@@ -38,7 +34,7 @@ def test_a_pdf_has_the_width_and_embedded_truetype(here, tdint):
 
 def test_letters_have_six_to_eight_points(here, tdint):
     """As the page's streams set them: `/F1 8 Tf`."""
-    assert stability(tdint, "--figure-width", "140mm", "--plot=a.pdf").exit_code == 0
+    assert stability(tdint, "--style", "140mm", "--plot=a.pdf").exit_code == 0
     streams = re.findall(rb"stream\r?\n(.*?)endstream", (here / "a.pdf").read_bytes(), re.DOTALL)
     sizes = []
     for one in streams:
@@ -51,9 +47,9 @@ def test_letters_have_six_to_eight_points(here, tdint):
 
 
 def test_words_are_those_of_the_paper(here, tdint):
-    assert stability(tdint, "--label", "impulse4=present method", "--no-title", "--plot=a.svg").exit_code == 0
+    assert stability(tdint, "--style", "label:impulse4='present, method',title=no", "--plot=a.svg").exit_code == 0
     text = (here / "a.svg").read_text()
-    assert "present method" in text and "impulse4" not in text
+    assert "present, method" in text and "impulse4" not in text
     assert "Δt/T" in text and "dt/T" not in text and "α=-0.1" in text
     assert stability(tdint, "--plot=b.svg").exit_code == 0  # what was asked for before is over
     assert "impulse4" in (here / "b.svg").read_text()
@@ -69,30 +65,117 @@ def test_a_style_sheet_has_its_say(here, tdint):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--figure-width", "90"), "--figure-width '90': write a length from 30 to 600 mm"),
-        (("--figure-width", "9m"), "--figure-width '9m': write a length from 30 to 600 mm"),
-        (("--font", "No Such Font"), "--font 'No Such Font': this machine has no such font"),
-        (("--label", "impulse4"), "--label 'impulse4': write NAME=TEXT"),
-        (("--label", "nothing=x"), "--label nothing=...: nothing in the picture is called so"),
-        (("--style", "none.mplstyle"), "--style none.mplstyle: "),
+        ("90", "--style '90': no such word; the words are width, font, title, label:NAME, file"),
+        ("width=90", "--style width '90': write a length from 30 to 600 mm"),
+        ("9m", "--style width '9m': write a length from 30 to 600 mm"),
+        ("widht=90mm", "--style 'widht=90mm': no such word; did you mean 'width'?"),
+        ("title=maybe", "--style 'title=maybe': title is yes or no"),
+        ("font=", "--style 'font=': font has no value"),
+        ("font='Times", "write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
+        ("font=No Such Font", "font 'No Such Font': this machine has no such font"),
+        ("label:impulse4", "--style 'label:impulse4': write label:NAME=TEXT"),
+        ("label:nothing=x", "label 'nothing': nothing in the picture is called so"),
+        ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )
 def test_what_cannot_be_drawn_is_one_line(here, tdint, words, message):
-    result = stability(tdint, *words, "--plot=a.svg")
+    result = stability(tdint, "--style", words, "--plot=a.svg")
     assert result.exit_code == 2
     assert [line for line in result.stderr.splitlines() if message in line]
     assert not (here / "a.svg").exists()
 
 
 @pytest.mark.usefixtures("laid_out")
-@pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
-    result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", "--figure-width", "60mm")
+    result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", "--style", "30mm")
     assert result.exit_code == 2
-    assert "the panels of this picture find no room at 60 mm" in result.stderr
+    assert "the panels of this picture find no room at 30 mm" in result.stderr
     assert not list((folder / "out").glob("*.png"))
 
 
 def test_symbols():
     assert in_print("omega dt of rho_inf=0.5, m/s^2", PrintedAs()) == "ωΔt of ρ∞=0.5, m/s²"
     assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
+
+
+# ---- Nothing lies beyond the page or over something else
+
+DRAWN = {
+    "run": "run shaken.yaml",
+    "runs": "run shaken.yaml --scale 0.5,1",
+    "modes": "modes shaken.yaml",
+    "modes under a target": "modes shaken.yaml --target ec8:type=1,soil=B,ag=0.25g",
+    "law": "law shaken.yaml --drift 1%,2%",
+    "pushover": "pushover shaken.yaml",
+    "info": "info motion.mseed",
+    "spectrum": "spectrum motion.mseed --damping 2%,5%",
+    "tripartite spectrum": "spectrum motion.mseed --axes tripartite",
+    "inelastic spectrum": "spectrum other.mseed --ductility 2,4 --periods 0.1:3:10",
+    "rotated spectrum": "spectrum motion.mseed --rotd 0,50,100",
+    "target": "spectrum --target ec8:type=1,soil=B,ag=0.25g",
+    "drift spectrum": "drift-spectrum other.mseed",
+    "scale": "scale motion.mseed --target ec8:type=1,soil=B,ag=0.25g",
+    "ida": "ida shaken.yaml motion.mseed --threshold 2%",
+    "stability": "stability",
+    "overshoot": "overshoot",
+    "order": "order --method impulse4,hht,newmark-average --load free",
+    "failures": "failures --method impulse4,hht,newmark-average,wilson",
+    "chart": "chart shaken.yaml --method impulse4,newmark-average,hht",
+}
+AT_ONCE = ("run", "pushover", "overshoot")
+
+
+def words_of(figure):
+    """The texts that are seen and their boxes, points; numbers of ticks that are not drawn are none."""
+    figure.draw_without_rendering()
+    axes = [panel for one in figure.axes for panel in (one, *one.child_axes)]
+    every, shown = set(), set()
+    for axis in (axis for panel in axes for axis in (panel.xaxis, panel.yaxis)):
+        every |= {label for tick in (*axis.majorTicks, *axis.minorTicks) for label in (tick.label1, tick.label2)}
+        shown |= {label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
+    points = 72.0 / figure.dpi
+    texts = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
+    texts = [one for one in texts if one not in every or one in shown]
+    boxes = [one.get_window_extent().extents * points for one in texts]
+    return [(one, box) for one, box in zip(texts, boxes, strict=True) if box[2] > box[0]]
+
+
+def faults(figure):
+    """Words beyond the page by more than half a point, and words over others by more than a point both ways."""
+    words, (wide, high) = words_of(figure), 72.0 * figure.get_size_inches()
+    beyond = [text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5]
+    upright = [(text.get_text(), box) for text, box in words if text.get_rotation() % 90.0 == 0.0]
+    over = [
+        (one, other)
+        for (one, a), (other, b) in itertools.combinations(upright, 2)
+        if min(a[2], b[2]) - max(a[0], b[0]) > 1.0 and min(a[3], b[3]) - max(a[1], b[1]) > 1.0
+    ]
+    return beyond + over
+
+
+@pytest.mark.usefixtures("laid_out")
+@pytest.mark.parametrize("line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN])
+def test_words_keep_to_the_page_and_off_each_other(folder, tdint, monkeypatch, line):
+    found = {}
+
+    def measured(self, stream):
+        for width in (0.09, 0.18):
+            before = PRINTED.set(PrintedAs(width=width))
+            found[width] = faults(self.figure())
+            PRINTED.reset(before)
+        stream.write(b"a picture")
+
+    monkeypatch.setattr(Picture, "__call__", measured)
+    result = tdint(*DRAWN[line].split(), "--plot=a.png")
+    assert result.exit_code == 0, result.stderr
+    assert found == {0.09: [], 0.18: []}
+
+
+def test_a_word_beyond_the_page_and_one_over_another_are_found():
+    figure = Figure(figsize=(2.0, 2.0))
+    FigureCanvasAgg(figure)
+    figure.text(0.1, 0.5, "within")
+    assert faults(figure) == []
+    figure.text(0.12, 0.5, "over")
+    figure.text(0.9, 0.1, "beyond the page")
+    assert faults(figure) == ["beyond the page", ("within", "over")]

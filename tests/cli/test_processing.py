@@ -1,7 +1,5 @@
 """The options that change a record: the same in all commands, told on standard error and in the JSON file."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

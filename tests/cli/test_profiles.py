@@ -1,9 +1,5 @@
 """profiles.csv, its picture and the limit of drifts, against numbers computed from stories.csv by hand."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 import math
 import statistics
@@ -14,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from csv_rows import rows
 from tdint.campaign.profiles import Statistics
 
 Run = Callable[..., Result]
@@ -45,10 +42,6 @@ def study(folder: Path, make_record: Callable[..., None]) -> Path:
     (folder / "study.yaml").write_text(STUDY)
     (folder / "stiff.yaml").write_text(STIFF)
     return folder
-
-
-def rows(file: str | Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(Path(file).read_text())))
 
 
 def fractile(values: list[float], part: float) -> float:
@@ -138,13 +131,43 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Run) ->
     within = tdint(*run, "--limit", f"{above:.8g}", "--require")
     assert within.exit_code == 0 and ahead in within.stderr
     assert within.stderr.endswith(f"%: within; largest {100.0 * largest:.3g} %.\n")
-    said = tdint(*run, "--drift-limit", f"{below:.8g}")
+    said = tdint(*run, "--limit", f"{below:.8g}")
     assert said.exit_code == 0 and "%: beyond; largest" in said.stderr
     required = tdint(*run, "--limit", f"{below:.8g}", "--require", "-o", "kept")
     assert required.exit_code == 5 and "is not met: stiff" in required.stderr
     assert Path("kept/profiles.csv").exists()
-    campaign = tdint("campaign", "study.yaml", "-o", "out", "--drift-limit", f"{below:.8g}", "--require")
+    campaign = tdint("campaign", "study.yaml", "-o", "out", "--limit", f"{below:.8g}", "--require")
     assert campaign.exit_code == 5 and "stiff, scale 1: mean drift" in campaign.stderr
+
+
+def test_a_gate_does_not_pass_before_all_runs_are_done(
+    study: Path, tdint: Run, make_record: Callable[..., None]
+) -> None:
+    """The limit is so wide that the whole study is within: parts of it end with 5 all the same, and without the gate
+    with 0 and a warning that cannot be silenced."""
+    make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # more than one chunk
+    gate = ("--limit", "90%", "--require")
+    parts = (("campaign", "study.yaml", "-o", "first", "--max-runs", "1"), ("campaign", "export", "first"))
+    for words in (*parts, ("campaign", "study.yaml", "-o", "half", "--shard", "1/2")):
+        required = tdint("-q", *words, *gate)
+        done, every = len(rows(f"{words[2] if words[1] == 'export' else words[3]}/runs.csv")), 16
+        told = f"the drift limit of 90 % is not judged: {done} of {every} runs are done\n"
+        assert (required.exit_code, required.stderr) == (5, f"Error: {told}"), words
+        assert 0 < done < every
+    open_gate = tdint("-q", "campaign", "export", "first", *gate[:2])
+    assert open_gate.exit_code == 0 and "is not judged" in open_gate.stderr
+    lacking = tdint("campaign", "merge", "half", "-o", "all", *gate, "--partial")
+    assert lacking.exit_code == 5 and "is not judged" in lacking.stderr
+    whole = tdint("campaign", "study.yaml", "-o", "first", *gate)
+    assert whole.exit_code == 0 and "within" in whole.stderr
+    Path("broken.mseed").write_bytes(b"no record at all")
+    text = Path("study.yaml").read_text()
+    Path("study.yaml").write_text(text.replace("motion.mseed,", "motion.mseed, broken.mseed,"))
+    assert tdint("campaign", "study.yaml", "-o", "lost", *gate).exit_code == 4
+    again = tdint("campaign", "export", "lost", *gate)
+    assert again.exit_code == 5 and "is not met: 1 record could not be used" in again.stderr
+    counted = tdint("campaign", "study.yaml", "-o", "first", "--limit", "3")
+    assert counted.exit_code == 2 and "the number of runs is --max-runs 3" in counted.stderr
 
 
 def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Run) -> None:
@@ -164,7 +187,7 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Run) -> N
     peaks = []
     for record, factor in (("other.mseed", "0.5"), ("third.mseed", "0.6")):
         one = tdint("run", "weak.yaml", record, "--units", "m/s^2", "--scale", factor)
-        peaks.append(float(next(csv.DictReader(io.StringIO(one.stdout)))["peak_drift_m"]))
+        peaks.append(float(rows(one.stdout)[0]["peak_drift_m"]))
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
@@ -174,7 +197,7 @@ def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Run) -> N
     tdint("campaign", "study.yaml", "-o", "out")
     found = rows("out/profiles.csv")
     assert {(row["scale"], row["level"]) for row in found} == {("", "0.980665"), ("", "1.96133")}
-    verdicts = tdint("campaign", "export", "out", "--drift-limit", "2%").stderr
+    verdicts = tdint("campaign", "export", "out", "--limit", "2%").stderr
     assert "pga 0.9807 m/s^2: mean drift" in verdicts and "pga 1.961 m/s^2: mean drift" in verdicts
     stories = rows("out/stories.csv")
     row = next(row for row in found if row["building"] == "stiff" and row["quantity"] == "peak_displacement")
@@ -224,7 +247,7 @@ def test_one_record_has_no_mean(study: Path, tdint: Run) -> None:
     result = tdint("run", "shaken.yaml", "--limit", "2%")
     assert result.exit_code == 2 and "the mean over several records" in result.stderr
     result = tdint("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require")
-    assert result.exit_code == 2 and "--drift-limit" in result.stderr
+    assert result.exit_code == 2 and "--limit" in result.stderr
 
 
 def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
@@ -235,7 +258,7 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
     }  # fmt: skip
     found = rows("out/ratios.csv")
     assert {row["building"] for row in found} == {"stiff"} and {row["baseline"] for row in found} == {"shaken"}
-    told = list(csv.DictReader(io.StringIO(result.stdout)))
+    told = rows(result.stdout)
     assert told == [row for row in found if not row["story"]]
     for row in found:
         for name in ("mean", "median", "max"):

@@ -1,7 +1,5 @@
 """Beside each table that -o writes lies a JSON file that says what it came from."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from importlib import import_module
@@ -10,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tdint
-from tdint.version import __version__, version_of_sources
+from tdint.system import __version__, version_of_sources
 from tdint_cli.main import COMMANDS
 
 INVENTORY = """\
@@ -121,14 +119,14 @@ def test_options_and_units_are_told(folder, tdint):
 def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
     """Nor does a package with an edited file; the hash is that of its sources, wherever they are."""
     own = Path(tdint.__file__).parent
-    version, digest = version_of_sources()
-    assert version in (__version__, f"{__version__}+sources.{digest[:8]}")
+    system, digest = version_of_sources()
+    assert system in (__version__, f"{__version__}+sources.{digest[:8]}")
     names = sorted(file.relative_to(own).as_posix() for file in own.rglob("*.py"))
     lines = "".join(f"{name} {hashlib.sha256((own / name).read_bytes()).hexdigest()}\n" for name in names)
     assert digest == hashlib.sha256(lines.encode()).hexdigest()[:16]
     _packed(tmp_path, monkeypatch)
     assert version_of_sources.__wrapped__()[0] == __version__
-    (tmp_path / "tdint" / "errors.py").write_text("changed = True\n")
+    (tmp_path / "tdint" / "terminal.py").write_text("changed = True\n")
     changed, other = version_of_sources.__wrapped__()
     assert changed == f"{__version__}+sources.{other[:8]}" and other != digest
 
@@ -138,18 +136,18 @@ def _packed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from base64 import urlsafe_b64encode
     from importlib.metadata import Distribution
 
-    from tdint import version
+    from tdint import system
 
     about = folder / "tdint-0.dist-info"
     (folder / "tdint").mkdir()
     about.mkdir()
     record = ""
-    for name in ("version.py", "errors.py"):
+    for name in ("system.py", "terminal.py"):
         content = f"name = {name!r}\n".encode()
         (folder / "tdint" / name).write_bytes(content)
         digest = urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
         record += f"tdint/{name},sha256={digest},{len(content)}\n"
     (about / "RECORD").write_text(record)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tdint\nVersion: 0\n")
-    monkeypatch.setattr(version, "__file__", str(folder / "tdint" / "version.py"))
+    monkeypatch.setattr(system, "__file__", str(folder / "tdint" / "system.py"))
     monkeypatch.setattr("importlib.metadata.distribution", lambda _: Distribution.at(about))

@@ -1,18 +1,22 @@
 """The page of --report: one file, well-formed, without anything from elsewhere, with the numbers of the tables."""
 
-from __future__ import annotations
-
 import base64
-import csv
 import hashlib
-import io
+import json
+import os
 import re
-from collections.abc import Callable
+import shutil
+import subprocess
+import zlib
+from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
+
+from csv_rows import rows
 
 Run = Callable[..., Result]
 
@@ -68,10 +72,6 @@ def page(file: str) -> Page:
     return found
 
 
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
-
-
 def table_with(found: Page, heading: str) -> list[dict[str, str]]:
     (table,) = [one for one in found.tables if heading in one[0]]
     return [dict(zip(table[0], cells, strict=True)) for cells in table[1:]]
@@ -82,9 +82,15 @@ def test_the_page_of_a_run(folder: Path, tdint: Run) -> None:
     assert result.exit_code == 0, result.stderr
     found = page("page.html")
     stories = rows(result.stdout)
-    for told, row in zip(table_with(found, "peak drift (m)"), stories, strict=True):
+    for told, row in zip(table_with(found, "peak drift ratio (%)"), stories, strict=True):
         assert told["peak drift (m)"] == f"{float(row['peak_drift_m']):.4g}"
-        assert told["peak drift error (m)"] == f"{float(row['peak_drift_m_error']):.4g}"
+        assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
+    for told, row in zip(table_with(found, "peak drift (%)"), stories, strict=True):
+        drift = float(row["peak_drift_m"])
+        assert told["story"] == row["story"]
+        for name, size in (("peak_drift", drift), ("residual_drift", drift)):
+            percent = 100.0 * float(row[f"{name}_m_error"]) / size
+            assert float(told[f"{name.replace('_', ' ')} (%)"]) == pytest.approx(percent, rel=0.06)  # two digits
     mode = rows(tdint("modes", "shaken.yaml").stdout)[0]
     period, damping = float(mode["period_s"]), float(mode["damping"])
     assert f"first period {period:.4g} s with {100.0 * damping:.3g} % damping" in found.text
@@ -105,10 +111,10 @@ def test_the_page_of_several_runs(folder: Path, tdint: Run) -> None:
     said = next(line for line in result.stderr.splitlines() if line.startswith("Mean drift"))
     assert said in found.text
     profiles = {(row["quantity"], row["story"]): row for row in rows(Path("out/profiles.csv").read_text())}
-    for row in table_with(found, "mean peak drift ratio"):
+    for row in table_with(found, "mean peak drift ratio (%)"):
         wanted = profiles["peak_drift_ratio", row["story"]]
-        assert row["mean peak drift ratio"] == f"{float(wanted['mean']):.4g}"
-        assert row["max peak drift ratio"] == f"{float(wanted['max']):.4g}"
+        assert row["mean peak drift ratio (%)"] == f"{100.0 * float(wanted['mean']):.4g}"
+        assert row["max peak drift ratio (%)"] == f"{100.0 * float(wanted['max']):.4g}"
         shear = profiles["peak_total_shear", row["story"]]
         assert row["mean peak total shear (N)"] == f"{float(shear['mean']):.4g}"
     assert [row["record"] for row in table_with(found, "pga (m/s²)")] == ["motion.mseed"] * 2 + ["other.mseed"]
@@ -152,3 +158,166 @@ def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: P
     runs = rows(Path("out/runs.csv").read_text())
     assert [row["pga (m/s²)"] for row in told] == [f"{float(row['pga_m_s2']):.4g}" for row in runs]
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
+
+
+def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(folder: Path, tdint: Run) -> None:
+    Path("kilo.yaml").write_text(
+        "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. B.'\n"
+        "stories: [{repeat: 2, mass: 200, height: 3.5, stiffness: 2.0e5}]\ndamping: 5%\n"
+        "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}\n"
+        "analysis: {method: newmark-average}\n"
+    )
+    assert tdint("run", "kilo.yaml", "--report", "page.html").exit_code == 0
+    found = page("page.html")
+    assert "Project: tower" in found.text and "Author: A. B." in found.text
+    assert [row["mass (t)"] for row in table_with(found, "mass (t)")] == ["200", "200"]
+    stories = rows(tdint("run", "kilo.yaml").stdout)
+    shears = [f"{float(row['peak_total_shear_N']) / 1e3:.4g}" for row in stories]
+    assert [row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")] == shears
+    # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is part of.
+    restoring = float(stories[0]["peak_shear_N"]) / 1e3
+    assert f"base shear {restoring:.4g} kN ({shears[0]} kN with viscous forces)" in found.text
+    assert tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in").exit_code == 0
+    assert table_with(page("us.html"), "peak total shear (kip)")
+    assert tdint("run", "kilo.yaml", "--report", "b.html", "--report-head", "Date: 2026-01-31").exit_code == 0
+    assert "Date: 2026-01-31" in page("b.html").text and "tower" not in page("b.html").text
+    wrong = tdint("run", "kilo.yaml", "--report", "c.html", "--report-head", "no name")
+    assert wrong.exit_code == 2 and "NAME: TEXT" in wrong.stderr
+    Path("kilo.yaml").write_text(Path("kilo.yaml").read_text().replace("Project: tower", "tower"))
+    faulty = tdint("run", "kilo.yaml", "-q")
+    assert faulty.exit_code == 3 and "kilo.yaml:3:9: report" in faulty.stderr
+
+
+def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Run) -> None:
+    scaled = tdint(
+        "scale", "motion.mseed", "--units", "m/s^2", "--pairs", "geometric-mean", "--rule", "ec8", "--at", "0.5",
+        "--target", "ec8:type=1,soil=B,ag=0.25g", "-o", "factors.csv",
+    )  # fmt: skip
+    assert scaled.exit_code == 0, scaled.stderr
+    warnings = json.loads(Path("factors.json").read_text())["warnings"]
+    assert warnings and all(text in scaled.stderr for text in warnings)
+    Path("stiff.yaml").write_text("name: stiff\n" + re.sub("name:.*\n", "", Path("shaken.yaml").read_text()))
+    Path("study.yaml").write_text(
+        "buildings: {models: [shaken.yaml, stiff.yaml]}\nintensity: {factors: factors.csv}\n"
+        "records: {files: [motion.mseed], units: m/s^2, pairs: true}\nanalysis: {check: true}\n"
+    )
+    name = rows(tdint("check", "shaken.yaml").stdout)[0]["name"]
+    asked = ("campaign", "study.yaml", "--limit", "2%", "--baseline", name, "--floor-spectra", "roof")
+    result = tdint(*asked, "-o", "out", "--report", "page.html")
+    assert result.exit_code == 0, result.stderr
+    found = page("page.html")
+    for text in (*warnings, "rule ec8 (EN 1998-1:2004", "target ec8:type=1,soil=B,ag=0.25g", "limit 2 %: "):
+        assert text in found.text, text
+    for file in ("study.yaml", "shaken.yaml", "stiff.yaml", "motion.mseed", "factors.csv", "factors.json"):
+        digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        assert [row["SHA-256"] for row in table_with(found, "SHA-256") if row["file"] == file] == [digest], file
+    assert len(found.sources) == 3  # profiles, floors, motions beside the target
+    # The same building twice: all ratios are 1.
+    compared = table_with(found, "mean ratio")
+    assert compared and {row["mean ratio"] for row in compared} == {"1"}
+    errors = [table for table in found.tables if "mean peak drift (%)" in table[0]]
+    assert len(errors) == 2 and all(0.0 < float(row[1]) < 5.0 for table in errors for row in table[1:])
+    assert found.text.count("no torsion") == 1
+    # Factors that were changed by hand: what `scale` told is not told of them.
+    Path("factors.csv").write_text(Path("factors.csv").read_text() + "another.mseed,,2\n")
+    assert tdint(*asked, "-o", "changed", "--report", "changed.html").exit_code == 0
+    assert "no file of `tdint scale` beside it" in page("changed.html").text
+
+
+# ---- As pages of paper
+
+CHROMIUM = os.environ.get("CHROMIUM") or next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None
+)
+A4 = (595.3, 841.9)
+"""Points."""
+
+
+def printed(file: str) -> list[tuple[str, float, float]]:
+    """The lines of text on paper, with where their first and last letters begin, in points from the left."""
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+    where = f"--user-data-dir={Path('profile').absolute()}", f"--print-to-pdf={Path('page.pdf').absolute()}"
+    subprocess.run([*command, *where, Path(file).absolute().as_uri()], check=True, capture_output=True, timeout=120)
+    objects = dict(re.findall(rb"(\d+) 0 obj\b(.*?)endobj", Path("page.pdf").read_bytes(), re.DOTALL))
+    pages = [body for body in objects.values() if re.search(rb"/Type /Page\b", body)]
+    for body in pages:
+        size = re.search(rb"/MediaBox \[0 0 (\S+) (\S+)\]", body)
+        assert size and [float(one) for one in size.groups()] == pytest.approx(A4, abs=1.0)
+    return [line for body in pages for line in lines_of_page(body, objects)]
+
+
+def stream(body: bytes) -> bytes:
+    head, _, rest = body.partition(b"stream\n")
+    content = rest.rpartition(b"endstream")[0]
+    return zlib.decompress(content) if b"FlateDecode" in head else content
+
+
+def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
+    """What the codes of a font stand for: its table ToUnicode."""
+    place = re.search(rb"/ToUnicode (\d+) 0 R", font)
+    assert place
+    table, found = stream(objects[place[1]]).decode("ascii"), {}
+    for block in re.findall(r"beginbfchar(.*?)endbfchar", table, re.DOTALL):
+        for code, to in re.findall(r"<(\w+)> *<(\w+)>", block):
+            found[bytes.fromhex(code)] = bytes.fromhex(to).decode("utf-16-be")
+    for block in re.findall(r"beginbfrange(.*?)endbfrange", table, re.DOTALL):
+        for first, last, to in re.findall(r"<(\w+)> *<(\w+)> *<(\w+)>", block):
+            for i in range(int(last, 16) - int(first, 16) + 1):
+                found[(int(first, 16) + i).to_bytes(2, "big")] = chr(int(to, 16) + i)
+    return found
+
+
+def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[str, float, float]]:
+    """Text between BT and ET, a line or a cell of a table; the matrices are those of the page and of the text."""
+    named = re.search(rb"/Font <<(.*?)>>", body, re.DOTALL)
+    fonts = {name: letters(objects[place], objects) for name, place in re.findall(rb"/(\w+) (\d+) 0 R", named[1])}
+    content = re.search(rb"/Contents (\d+) 0 R", body)
+    assert content
+    word = rb"<[0-9A-Fa-f]+>|\((?:\\.|[^\\)])*\)|/[^\s<>\[\]/()]+|[-+]?[0-9.]+|[A-Za-z*]+"
+    page_of, kept, given = np.eye(3), [], []
+    text, places, table, at = "", [], {}, np.eye(3)
+    for token in re.findall(word, stream(objects[content[1]])):
+        if not re.fullmatch(rb"[A-Za-z*]+", token):
+            given.append(token)
+            continue
+        if token in (b"cm", b"Tm"):
+            a, b, c, d, e, f = map(float, given[-6:])
+            matrix = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]])
+            page_of, at = (matrix @ page_of, at) if token == b"cm" else (page_of, matrix)
+        elif token == b"Td":
+            at = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [*map(float, given[-2:]), 1.0]]) @ at
+        elif token == b"q":
+            kept.append(page_of)
+        elif token == b"Q":
+            page_of = kept.pop()
+        elif token == b"BT":
+            text, places, at = "", [], np.eye(3)
+        elif token == b"Tf":
+            table = fonts[given[-2][1:]]
+        elif token == b"Tj":
+            codes = bytes.fromhex(given[-1][1:-1].decode())
+            text += "".join(table.get(codes[i : i + 2], "?") for i in range(0, len(codes), 2))
+            places.append(float((at @ page_of)[2, 0]))
+        elif token == b"ET" and places:
+            yield text, places[0], places[-1]
+        given = []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to print with")
+def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint: Run) -> None:
+    """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the paper."""
+    assert tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
+    assert (
+        tdint("run", "shaken.yaml", "--scale", "0.5,1", "--check", "-o", "out", "--report", "suite.html").exit_code == 0
+    )
+    for file in ("page.html", "suite.html"):
+        lines = printed(file)
+        found = page(file)
+        assert all(len(table[0]) <= 9 for table in found.tables)
+        pieces = {text for text, _, _ in lines}
+        numbers = {
+            cell for table in found.tables for row in table[1:] for cell in row if re.fullmatch(r"[-+.\de]+", cell)
+        }
+        assert len(numbers) > 20 and numbers <= pieces, numbers - pieces
+        assert all(left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines)  # margins of 15 mm, 42 points

@@ -1,9 +1,5 @@
 """`tdint spectrum --rotd`: pairs in one file and in two, the table, the picture, and what is refused."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 import shutil
 from pathlib import Path
@@ -11,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from csv_rows import rows
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.reading.read import read_records
@@ -20,10 +17,6 @@ COLUMNS = (
     "rotd100_angle_deg"
 )
 ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
-
-
-def rows(text):
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def write_at2(file: Path, component: str, seed: int, samples: int = 200):
@@ -91,7 +84,7 @@ def test_several_motions_go_to_files_of_their_own(folder, tdint):
     assert result.exit_code == 0, result.stderr
     names = sorted(path.name for path in (folder / "out").iterdir())
     assert names == sorted(f"{stem}.{kind}" for stem in ("A000", "B000", "motion") for kind in ("csv", "json", "png"))
-    assert {row["record"] for row in rows((folder / "out" / "B000.csv").read_text())} == {"B000.AT2+B090.AT2"}
+    assert {row["record"] for row in rows(folder / "out" / "B000.csv")} == {"B000.AT2+B090.AT2"}
     told = json.loads((folder / "out" / "A000.json").read_text())
     assert told["settings"]["rotd"] == [0, 50, 100]
     assert [record["component"] for record in told["records"]] == ["0", "90"]

@@ -1,23 +1,17 @@
 """`tdint campaign --im` and what `tdint fragility --im` makes of it."""
 
-from __future__ import annotations
-
-import csv
 import json
 from pathlib import Path
 
 import pytest
+
+from csv_rows import rows
 
 STUDY = """\
 buildings: {models: [shaken.yaml]}
 records: {files: [motion.mseed, other.mseed], units: m/s^2}
 intensity: {scales: [0.5, 1.5]}
 """
-
-
-def rows(file):
-    with Path(file).open(newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 @pytest.fixture
@@ -38,7 +32,7 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     assert [[row[key] for key in keys] for row in found] == [[row[key] for key in keys] for row in runs]
     assert list(found[0])[5:] == ["pgv_m_s", "arias_intensity_m_s", "cav5_m_s", "sa_0p5_m_s2", "sdi_t1_0p05_m"]
     info = tdint("info", "motion.mseed", "--units", "m/s^2", "--component", "HNE")
-    (told,) = csv.DictReader(info.stdout.splitlines())
+    (told,) = rows(info.stdout)
     (one,) = (row for row in found if (row["record"], row["component"], row["scale"]) == ("motion.mseed", "HNE", "1.5"))
     for name, power in (("pgv_m_s", 1), ("arias_intensity_m_s", 2)):
         assert float(one[name]) == pytest.approx(1.5**power * float(told[name]), rel=1e-9)
@@ -61,7 +55,7 @@ def test_units_of_the_measures(study, tdint):
     assert "pgv_in_s" in (study / "out/measures.csv").read_text()
     result = tdint("fragility", "out", "--im", "sa,pga,pgv")
     assert result.exit_code == 0, result.stderr
-    units = {row["im"]: row["unit"] for row in csv.DictReader(result.stdout.splitlines())}
+    units = {row["im"]: row["unit"] for row in rows(result.stdout)}
     assert units == {"sa": "g", "pga": "g", "pgv": "in/s"}
 
 

@@ -1,18 +1,12 @@
 """`tdint run --sequence`: shocks one after the other."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 
 import pytest
 
+from csv_rows import rows
+
 SHOCKS = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--sequence", "--component", "HNE")
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
@@ -46,9 +40,9 @@ def test_the_files_of_a_sequence(folder, tdint):
     assert summary["settings"]["rest_s"] == 3.0
     assert {"start_s", "drift_ratio"} <= set(summary["meanings"])
     assert [one["file"] for one in summary["inputs"]] == ["shaken.yaml", "motion.mseed", "other.mseed"]
-    history = rows((folder / "out/history.csv").read_text())
+    history = rows(folder / "out/history.csv")
     assert float(history[-1]["time_s"]) == pytest.approx(2.99 + 3.0 + 2.99)
-    table = rows((folder / "out/stories.csv").read_text())
+    table = rows(folder / "out/stories.csv")
     assert all(float(row["peak_drift_m_error"]) > 0.0 for row in table)
 
 

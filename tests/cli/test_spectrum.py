@@ -1,25 +1,19 @@
-"""`tdint spectrum`: rows, files, pictures, and what happens to the good records when one is bad."""
+"""`tdint spectrum`, elastic and inelastic: rows, files, pictures, and good records beside bad ones."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 
 import numpy as np
 import pytest
 
+from csv_rows import rows
 from tdint.analysis import defaults
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.inelastic import constant_ductility
 from tdint.ground_motion.reading.read import read_record
 from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def files(folder) -> list[str]:
@@ -82,10 +76,7 @@ def test_a_choice_that_is_made_has_a_column(folder, tdint):
     [
         ([], "taken as straight lines, maxima between them, too"),
         (["--maxima", "peer"], "taken as straight lines, maxima at 10 or more steps per period"),
-        (
-            ["--method", "newmark-average"],
-            "maxima between them, too, on the method's own motion",
-        ),
+        (["--method", "newmark-average"], "maxima between them, too, on the method's own motion"),
         (["--interpolation", "band-limited"], "taken as free of frequencies above half its sampling rate, maxima"),
     ],
 )
@@ -99,9 +90,9 @@ def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arg
 
 
 def test_the_choices_are_those_of_the_library():
-    from tdint.analysis.spectra.oscillators import MAXIMA
-    from tdint.ground_motion.interpolation import INTERPOLATIONS
-    from tdint_cli.commands.ground_motions.spectrum import command
+    from tdint.analysis.spectra.elastic import MAXIMA
+    from tdint.ground_motion.processing_steps import INTERPOLATIONS
+    from tdint_cli.commands.spectrum import command
 
     choices = {parameter.name: parameter.type for parameter in command.params}
     assert list(choices["maxima"].choices) == list(MAXIMA)
@@ -117,7 +108,7 @@ def test_the_choices_stand_in_the_json_file(folder, tdint):
 def test_period_zero_is_the_peak_ground_acceleration(folder, tdint):
     result = tdint("spectrum", "other.mseed", "--period", "0", "-o", "zero.csv", "--plot")
     assert (result.exit_code, "below a period" in result.stderr) == (0, False)
-    (row,) = rows((folder / "zero.csv").read_text())
+    (row,) = rows(folder / "zero.csv")
     pga = f"{read_record('other.mseed').pga:.12g}"
     assert [row[name] for name in COLUMNS.split(",")[3:]] == ["0", "0", "0", pga, "0", pga]
     assert (folder / "zero.png").stat().st_size > 1000
@@ -132,7 +123,7 @@ def test_a_record_on_standard_input(folder, tdint):
     result = tdint("spectrum", "-", *PERIODS, "-o", "out/", stdin=(folder / "other.mseed").read_bytes())
     assert result.exit_code == 0
     assert files(folder / "out") == ["stdin.csv", "stdin.json"]
-    assert {row["record"] for row in rows((folder / "out" / "stdin.csv").read_text())} == {"-"}
+    assert {row["record"] for row in rows(folder / "out" / "stdin.csv")} == {"-"}
 
 
 def test_notes_are_told_once(folder, tdint):
@@ -164,20 +155,6 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
         assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
 
 
-@pytest.mark.usefixtures("blank_pictures")
-@pytest.mark.parametrize(("into", "file"), [("all.csv", "all.csv"), ("all.csv", "all.png"), (".", "other.csv")])
-def test_existing_files_are_kept_before_any_work(folder, tdint, into, file):
-    (folder / file).write_text("old")
-    before = files(folder)
-    command = ("spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot")
-    result = tdint(*command)
-    assert (result.exit_code, result.stderr) == (6, f"Error: {file}: exists already; give --overwrite to replace it\n")
-    assert (folder / file).read_text() == "old"
-    assert files(folder) == before
-    assert tdint(*command, "--overwrite").exit_code == 0
-    assert (folder / file).read_bytes() != b"old"
-
-
 def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
     result = tdint("spectrum", "a/x.EW", "b/x.EW", "-o", "out/")
     assert result.exit_code == 6
@@ -203,6 +180,19 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
         (["--method", "newmrk"], "unknown method"),
         (["-", "-"], "standard input (-) can be read only once"),
         (["--units", "furlong"], "units 'furlong'"),
+        (["--ductility", "0.9"], "--ductility"),
+        (["--ductility", "2,x"], "--ductility"),
+        (["--ductility", ""], "--ductility"),
+        (["--ductility", "nan"], "--ductility"),
+        (["--strength", "0"], "--strength"),
+        (["--strength", "inf"], "--strength"),
+        (["--ductility", "2", "--strength", "0.1"], "--ductility and --strength are given"),
+        (["--hardening", "0.1"], "--hardening has nothing to act on without --ductility or --strength"),
+        (["--ductility", "2", "--hardening", "1"], "--hardening"),
+        (["--ductility", "2", "--method", "newmark"], "--method is for elastic spectra"),
+        (["--strength", "1", "--maxima", "peer"], "--maxima is for elastic spectra"),
+        (["--strength", "1", "--interpolation", "linear"], "--interpolation is for elastic spectra"),
+        (["--strength", "1", "--period", "0"], "periods of inelastic spectra must be positive"),
     ],
 )
 def test_usage_errors(folder, tdint, arguments, message):
@@ -310,3 +300,70 @@ def test_what_a_target_is_refused_with(folder, tdint, arguments, said):
     result = tdint("spectrum", *arguments)
     assert result.exit_code == 2
     assert said in result.stderr
+
+
+INELASTIC = (
+    "record,component,damping,hardening,target_ductility,period_s,yield_strength_ratio,ductility,residual_m,sd_m,"
+    "yield_sd_m,yield_psa_m_s2,reduction_factor"
+)
+
+
+def test_every_component_damping_ductility_and_period_in_order(folder, tdint):
+    options = ("--ductility", "4,2", "--damping", "0.02", "--damping", "0.05", *PERIODS)
+    result = tdint("spectrum", "motion.mseed", "other.mseed", *options)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == INELASTIC
+    keys = ("record", "component", "damping", "target_ductility", "period_s")
+    assert [tuple(row[key] for key in keys) for row in rows(result.stdout)] == [
+        (record, component, damping, target, period)
+        for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
+        for damping in ("0.02", "0.05")
+        for target in ("4", "2")
+        for period in ("0.2", "1")
+    ]
+
+
+def test_the_numbers_of_inelastic_spectra_are_those_of_the_library(folder, tdint):
+    table = rows(tdint("spectrum", "other.mseed", *PERIODS, "--ductility", "3", "--hardening", "0.1").stdout)
+    (expected,) = constant_ductility(read_record("other.mseed"), [0.2, 1.0], [3.0], hardening=0.1)
+    assert {row["hardening"] for row in table} == {"0.1"}
+    for column, values in (
+        ("yield_strength_ratio", expected.yield_strength_ratio), ("ductility", [3.0, 3.0]),
+        ("residual_m", expected.residual), ("sd_m", expected.sd), ("yield_sd_m", expected.yield_displacement),
+        ("yield_psa_m_s2", expected.yield_acceleration), ("reduction_factor", expected.reduction_factor),
+    ):  # fmt: skip
+        np.testing.assert_allclose([float(row[column]) for row in table], values, rtol=1e-8)
+
+
+def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
+    (found,) = rows(tdint("spectrum", "other.mseed", "--period", "0.7", "--ductility", "2.5").stdout)
+    (back,) = rows(
+        tdint("spectrum", "other.mseed", "--period", "0.7", "--strength", found["yield_strength_ratio"]).stdout
+    )
+    assert back["target_ductility"] == ""
+    assert back["yield_strength_ratio"] == found["yield_strength_ratio"]
+    for column in ("ductility", "sd_m", "reduction_factor"):
+        assert float(back[column]) == pytest.approx(float(found[column]), rel=1e-8)
+
+
+@pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
+def test_files_and_picture(folder, tdint, option):
+    records = ("motion.mseed", "other.mseed") * 2
+    whole = tdint("spectrum", *records, *PERIODS, *option).stdout
+    result = tdint("spectrum", *records, *PERIODS, *option, "--jobs", 2, "-o", "all.csv", "--plot")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert (folder / "all.csv").read_text() == whole
+    assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
+    settings = json.loads((folder / "all.json").read_text())["settings"]
+    assert settings[option[0].lstrip("-")] == [float(number) for number in option[1].split(",")]
+    assert settings["hardening"] == 0.0
+
+
+@pytest.mark.parametrize("option", [("--ductility", "2"), ("--strength", "0.1")])
+def test_a_record_of_zeros_is_drawn(folder, tdint, option):
+    (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
+    result = tdint("spectrum", "zero.txt", "--period", "1", *option, "-o", "zero.csv", "--plot")
+    assert result.exit_code == 0
+    (row,) = rows(folder / "zero.csv")
+    assert row["sd_m"] == "0"
+    assert row["ductility"] == ("" if option[0] == "--ductility" else "0")

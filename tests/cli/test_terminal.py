@@ -1,7 +1,5 @@
 """Pipes, full disks, closed streams and Ctrl-C, with the command as a process of its own."""
 
-from __future__ import annotations
-
 import io
 import os
 import signal
@@ -49,6 +47,15 @@ def test_a_full_disk_behind_standard_output():
     done = shell("tdint methods > /dev/full")
     assert done.returncode == 6
     assert done.stderr == "Error: standard output: cannot be written: No space left on device\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("words", ["--help", "--version", "run -h"])
+def test_help_goes_where_data_go(words):
+    full, closed = shell(f"tdint {words} > /dev/full"), shell(f"tdint {words} >&-")
+    assert (full.returncode, closed.returncode) == (6, 6)
+    assert full.stderr == "Error: standard output: cannot be written: No space left on device\n"
+    assert closed.stderr == "Error: standard output is closed\n"
 
 
 def test_closed_streams(folder):
@@ -122,7 +129,7 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
 
 HALF = """
 import sys, time
-from tdint.output.tables import responses
+from tdint.output.tables import buildings as responses
 
 def write_half(history, stream, units, header):
     stream.write(b"time_s")
@@ -149,25 +156,6 @@ def test_sigterm_while_writing_ends_with_143_and_no_file(folder):
     _, err = process.communicate(timeout=30)
     assert (process.returncode, err.strip()) == (143, "Terminated")
     assert sorted(folder.iterdir()) == before
-
-
-def test_sigterm_reaches_the_processes_of_a_batch(folder, make_record):
-    (folder / "many").mkdir()
-    make_record(folder / "many" / "0.mseed", "HNE", samples=60_000)
-    for i in range(1, 60):
-        (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
-    work = ["spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000"]
-    process = subprocess.Popen([sys.executable, "-c", START, *work], stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60.0
-    while len(list(folder.glob("out/*.csv"))) < 2:
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.terminate()
-    _, err = process.communicate(timeout=30)  # Ends only when all have closed standard error.
-    assert process.returncode == 143
-    assert [line for line in err.splitlines() if line and "compiling" not in line] == ["ready", "Terminated"]
-    assert not list(folder.glob("out/.tdint*"))
 
 
 class Screen(io.StringIO):

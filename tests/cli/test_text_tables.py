@@ -1,7 +1,5 @@
 """What a user says of a text table, on the command line and in model files."""
 
-from __future__ import annotations
-
 import json
 
 import click
@@ -74,11 +72,7 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (("motion.mseed", "--step", "0"), 2, "--step"),
         (("tables/a.txt", "--skip-lines", "-1"), 2, "--skip-lines"),
         (("tables/a.txt", "--column", ""), 2, "column"),
-        (
-            ("tables/a.txt",),
-            4,
-            "begins in line 4: tell by --step and --column, past the lines above by --skip-lines 3",
-        ),
+        (("tables/a.txt",), 4, "begins in line 4: tell by --step and --column, past the lines above by --skip-lines 3"),
     ],
 )
 def test_refused(tables, tdint, options, code, message):

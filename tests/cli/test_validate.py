@@ -6,8 +6,8 @@ import io
 
 import pytest
 
-from tdint.validation import cases
-from tdint.validation.case import carry_out
+from tdint import validation as cases
+from tdint.validation import carry_out
 
 
 def test_all_cases_hold_here(tdint):

@@ -1,8 +1,5 @@
 """The scripts and examples of the READMEs run, and give what their text says."""
 
-from __future__ import annotations
-
-import csv
 import doctest
 import io
 import json
@@ -15,6 +12,7 @@ import pytest
 
 import readmes
 import tdint
+from csv_rows import rows
 from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
@@ -35,10 +33,6 @@ def checkout():
         yield folder, run
 
 
-def rows(text):
-    return list(csv.DictReader(text.splitlines()))
-
-
 @pytest.mark.slow
 def test_the_shell_script(checkout):
     folder, run = checkout
@@ -53,7 +47,7 @@ def test_the_shell_script(checkout):
 def test_the_loops_of_a_law(checkout):
     folder, run = checkout
     assert run(readmes.block("law"))[0] == ""
-    drifts = [float(row["drift_ratio"]) for row in rows((folder / "loops.csv").read_text())]
+    drifts = [float(row["drift_ratio"]) for row in rows(folder / "loops.csv")]
     assert (max(drifts), min(drifts), len(drifts)) == (0.03, -0.03, 1 + 6 * 800)
     assert (folder / "loops.png").exists()
 
@@ -63,7 +57,7 @@ def test_the_elastic_spectra(checkout):
     folder, run = checkout
     output, _ = run(readmes.block("elastic"))
     assert {row["maxima"] for row in rows(output)} == {"peer"}
-    rotated = rows((folder / "rotd.csv").read_text())
+    rotated = rows(folder / "rotd.csv")
     values = [[float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated]
     assert len(values) == 200
     assert all(least < middle < most for least, middle, most in values)
@@ -74,7 +68,7 @@ def test_the_elastic_spectra(checkout):
 def test_the_inelastic_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("inelastic"))[0] == ""
-    found, given = (rows((folder / name).read_text()) for name in ("ductilities.csv", "strengths.csv"))
+    found, given = (rows(folder / name) for name in ("ductilities.csv", "strengths.csv"))
     assert all(float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8) for row in found)
     assert {row["yield_strength_ratio"] for row in given} == {"0.1", "0.2"}
     assert (folder / "ductilities.png").exists()
@@ -96,7 +90,7 @@ def test_the_batches(checkout):
 def test_the_drift_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("drift"))[0] == ""
-    buildings, beams = (rows((folder / name).read_text()) for name in ("drifts.csv", "beam.csv"))
+    buildings, beams = (rows(folder / name) for name in ("drifts.csv", "beam.csv"))
     assert [row["period_s"] for row in buildings] == [row["period_s"] for row in beams]
     assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(0.024, rel=0.02)
     assert (folder / "drifts.png").exists()
@@ -179,3 +173,39 @@ def test_one_more_method_is_one_line():
     observed = observed_order(integrator, order_problem("harmonic", "linear"))
     assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
     assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)
+
+
+def test_the_script_of_an_array(checkout):
+    """Its tasks one after the other, as Slurm starts them; what is merged is what one call does, to the last byte."""
+    folder, run = checkout
+    (folder / "campaign.yaml").write_text(readmes.block("campaign"))
+    (folder / "array.sh").write_text(readmes.block("slurm"))
+    run(
+        "for task in 1 2 3; do TMPDIR=$PWD SLURM_ARRAY_TASK_COUNT=3 SLURM_ARRAY_TASK_ID=$task sh array.sh; done && "
+        "tdint campaign merge parts/part-* -o all -q && tdint campaign campaign.yaml -o whole -q"
+    )
+    for name in ("runs.csv", "stories.csv", "profiles.csv"):
+        assert (folder / "all" / name).read_bytes() == (folder / "whole" / name).read_bytes()
+    dataset = pytest.importorskip("pyarrow.dataset")
+    parts = dataset.dataset(sorted(map(str, (folder / "parts").glob("part-*/runs.parquet"))))
+    assert parts.count_rows() == len(rows(folder / "whole/runs.csv"))
+    assert parts.schema.field("peak_drift_m").metadata[b"unit"] == b"m"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "package"), [("calibration", "emcee"), ("sobol", "SALib"), ("surrogate", "numpy")])
+def test_the_studies_with_other_packages(checkout, name, package):
+    """The chain finds the true numbers; drifts hang on hardening most; the surrogate explains most of the spread."""
+    pytest.importorskip(package)
+    _, run = checkout
+    script = (readmes.ROOT / "tests" / "studies" / f"{name}.py").read_text()
+    assert len(script.splitlines()) <= 60
+    output, _ = run(shlex.join([sys.executable, "-c", script]))
+    numbers = [[float(number) for number in re.findall(r"-?\d+\.\d+", line)] for line in output.splitlines()]
+    if name == "calibration":
+        assert all(abs(mean - true) < 5.0 * spread + 0.05 * true for mean, spread, true in numbers)
+    elif name == "sobol":
+        assert max(range(4), key=lambda i: numbers[i][1]) == 2
+    else:
+        (error, spread) = numbers[-1]
+        assert error < 0.5 * spread

@@ -4,8 +4,6 @@ Nothing is changed in the copy but what the READMEs say. All runs there take ker
 the new law and method compile, and give the same, is a test of its own.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -161,7 +159,7 @@ def test_a_quantity_of_a_story_is_wherever_they_are(extended):
         "outputs": {"stories": True},
     }
     (folder / "study.yaml").write_text(json.dumps(study))
-    python(extended, *TDINT, "campaign", "study.yaml", "-o", "study", "--limit", "1")
+    python(extended, *TDINT, "campaign", "study.yaml", "-o", "study", "--max-runs", "1")
     assert all(float(row[name]) > 0.0 for row in table((folder / "study" / "stories.csv").read_text()))
     told = "import tdint; r = tdint.run('configs/ten-story.yaml', duration=1); print(*r.to_dict('kip,in,g'))"
     assert "peak_inertia_kip" in python(extended, "-c", told).split()

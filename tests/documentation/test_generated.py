@@ -1,13 +1,13 @@
 """What READMEs take from the program is up to date: generated parts, sessions, the test command."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
+from click.testing import CliRunner
 
 import readmes
-from tdint_cli.main import COMMANDS
+from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint_cli.main import cli
 
 AGAIN = "run: python tests/readmes.py"
 
@@ -27,11 +27,6 @@ def test_every_generated_part_stands_in_one_readme():
         name for path in readmes.files() for name in re.findall(r"^<!-- generated: (\w+) -->", path.read_text(), re.M)
     ]
     assert sorted(found) == sorted(readmes.PARTS)
-
-
-def test_every_command_stands_in_the_readme_of_the_command_line():
-    text = (readmes.ROOT / "cli" / "README.md").read_text()
-    assert all(f"### tdint {name}\n" in text for name in COMMANDS)
 
 
 def sessions():
@@ -57,6 +52,14 @@ def test_the_comparison_of_sessions_sees_differences():
     assert not readmes.same("1,0.0121613414\n", "1,0.0121713414\n")
     assert not readmes.same(line, line.replace("4000", "4001"))
     assert not readmes.same(line, line.replace("steps", "halvings"))
+
+
+def test_the_advice_is_the_default():
+    """What the pages and `tdint methods` name for who is in doubt is taken where no method is named."""
+    texts = [readmes.README.read_text(), (readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
+    texts.append(CliRunner().invoke(cli, ["methods", "--help"]).output)
+    for text in texts:
+        assert re.findall(r"If in doubt: `?(\w+)", " ".join(text.split())) == [DEFAULT_METHOD]
 
 
 def test_the_ci_script_runs_the_readmes_test_command():

@@ -1,7 +1,5 @@
 """The pictures of the READMEs are drawn from what is there: by a digest, not by pixels."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -23,7 +21,7 @@ def test_every_picture_of_configs_is_declared_and_shown():
     assert set(pictures.PICTURES) <= shown
 
 
-@pytest.mark.parametrize("changed", ["style.py", "failure_matrix.py"])
+@pytest.mark.parametrize("changed", ["style.py", "assessment.py"])
 def test_what_draws_a_picture_counts(tmp_path, monkeypatch, changed):
     """Its own module, and what that imports."""
     before = pictures.digest(pictures.PICTURES["failures.png"])

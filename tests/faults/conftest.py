@@ -1,7 +1,5 @@
 """A folder with records and a model, and the command as a process of its own."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

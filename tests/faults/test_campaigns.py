@@ -1,7 +1,5 @@
 """Campaigns that are killed, and campaigns whose workers are."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -14,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tdint.campaign.store.store import FILE
+from tdint.campaign.store import FILE
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +35,7 @@ from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint_cli.main import cli
 import tdint.output.summary, tdint.output.tables.campaign
-import tdint_cli.batch.campaigns, tdint_cli.commands.studies.campaign
+import tdint_cli.batch.campaigns, tdint_cli.commands.campaign
 
 def campaign(folder):
     cli(["-q", "campaign", "study.yaml", "-o", folder, "--jobs", "2"], standalone_mode=False)
@@ -186,12 +184,6 @@ def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster
         assert (study / "far" / name).read_bytes() == (study / "whole" / name).read_bytes()
 
 
-def test_a_scheduler_that_does_not_answer(study, start):
-    need_dask()
-    code, _, said = start("campaign", "study.yaml", "-o", "out", "--dask", "tcp://127.0.0.1:9").end(120.0)
-    assert (code, "tcp://127.0.0.1:9: no scheduler answers" in said) == (2, True), said
-
-
 def certificate(folder: Path, name: str, signed_by: str | None) -> None:
     """NAME.pem and NAME-key.pem, of an authority or signed by one."""
     subject = ["-subj", f"/CN={name}", "-keyout", f"{name}-key.pem", "-nodes", "-newkey", "rsa:2048"]
@@ -218,13 +210,13 @@ def test_certificates_are_asked_for_and_checked(study, start, cluster):
 
     def campaign(name: str, folder: str):
         options = ["--tls-ca", "authority.pem", "--tls-cert", f"{name}.pem", "--tls-key", f"{name}-key.pem"]
-        return start("campaign", "study.yaml", "-o", folder, "--limit", "20", "--dask", far.address, *options).end(
+        return start("campaign", "study.yaml", "-o", folder, "--max-runs", "20", "--dask", far.address, *options).end(
             120.0
         )
 
     code, _, said = campaign("ours", "far")
     assert code == 0, said
-    assert start("campaign", "study.yaml", "-o", "near", "--limit", "20").end(120.0)[0] == 0
+    assert start("campaign", "study.yaml", "-o", "near", "--max-runs", "20").end(120.0)[0] == 0
     assert (study / "far" / "runs.csv").read_bytes() == (study / "near" / "runs.csv").read_bytes()
     code, _, said = campaign("stranger", "refused")
     assert (code, "no scheduler answers" in said) == (2, True), said

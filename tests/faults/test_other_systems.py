@@ -1,7 +1,5 @@
 """What other operating systems have not: commands run through without the names that only POSIX or Linux has."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Disks that are full and sizes that are limited, for files and for standard output."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

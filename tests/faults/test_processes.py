@@ -1,7 +1,5 @@
 """Processes that are ended from outside: no orphan, no temporary file, no half file, no hang, the right exit code."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -37,6 +35,8 @@ def test_a_command_with_workers_that_is_ended(folder, start, number, code):
     assert ended == code, words
     command.nobody_is_left()
     if number != signal.SIGKILL:
+        said = [line for line in words.splitlines() if line and "compiling" not in line]
+        assert said[-1] == {143: "Terminated", 130: "Interrupted"}[code] and "Traceback" not in words
         assert not temporary(folder)
     for name in tables(folder):
         assert (folder / "out" / name).read_text().endswith("\n")

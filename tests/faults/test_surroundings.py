@@ -1,7 +1,5 @@
 """Hostile working directories, no home, caches of others: nothing of theirs is run, everything still works."""
 
-from __future__ import annotations
-
 import os
 import stat
 

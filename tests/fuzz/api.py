@@ -4,8 +4,6 @@ A call is refused (a TdintError; a TypeError, or numpy's ValueError, where an ar
 be), or every number that it gives is finite.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import io
@@ -114,6 +112,30 @@ def _scaled(source: random.Random) -> Any:
     return tdint.run_case(case.scaled(_number(source)), duration=0.1)
 
 
+def _many(source: random.Random) -> Any:
+    names = (
+        "damping",
+        "stories.mass",
+        "stories[1].law.hardening",
+        "stories[2].mass",
+        "record.scale",
+        "strength_factor",
+    )
+    strange = ("", "stories", "stories[0].mass", "stories[x].mass", "stories[1].law.", "storys.mass", "\x1b", 3, None)
+    chosen = source.choices((*names, *strange) if source.random() < 0.3 else names, k=source.randrange(1, 4))
+    options = {"product": _flag, "paired": _flag, "progress": lambda one: one.choice((False, len, _number(one)))}
+    vary = {name: _numbers(source) for name in chosen} if source.random() < 0.9 else _number(source)
+    some = _some(options | {"check": _flag, "method": _METHOD}, source)
+    if some.get("progress") is len:
+        some["progress"] = lambda done, of: None
+    return tdint.run_many(_model(source.choice(tuple(MODELS))), _record(), duration=0.1, vary=vary, **some).to_dict()
+
+
+def _replaced(source: random.Random) -> Any:
+    name = source.choice(("damping", "stories[1].mass", "stories.height", "stories.law.hardening", "mass_factor", "x"))
+    return tdint.modes(_model(source.choice(tuple(MODELS))).replace(**{name: _number(source)})).omega
+
+
 CALLS: dict[str, Callable[[random.Random], Any]] = {
     "Record": lambda source: Record(_numbers(source), _number(source), "", "", "", ""),
     "scaled": lambda source: _record().scaled(_number(source)),
@@ -166,6 +188,8 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         )
     ),
     "run": _run,
+    "run_many": _many,
+    "replace": _replaced,
     "scaled case": _scaled,
 }  # fmt: skip
 """Functions by name; each makes its arguments and calls."""

@@ -4,8 +4,6 @@ Which options and arguments a command has is asked of the command itself, so tha
 GROUPS of `tdint_cli.main`; what it needs to be cheap and sound stands in SOUND.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 
@@ -14,7 +12,7 @@ import click
 from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
 from fuzz.study_files import CAMPAIGN, COMPARE
 from tdint_cli.main import COMMANDS, cli
-from tdint_cli.options import values
+from tdint_cli.options import grammar
 
 RECORDS = (
     "a.txt",
@@ -184,7 +182,7 @@ def _option(option: click.Option, source: random.Random) -> list[str]:
 
 def _value(option: click.Option, source: random.Random) -> str:
     kind = option.type
-    if isinstance(kind, values.ListOf):
+    if isinstance(kind, grammar.ListOf):
         count = source.choice((1, 1, 2, 3))
         return ",".join(_one(option.name or "", kind.one, source) for _ in range(count))
     return _one(option.name or "", kind, source)
@@ -217,7 +215,7 @@ _BY_NAME = {
 }
 _BY_FORM = (("grid", _GRIDS[:3], _GRIDS), ("drift", _DRIFTS[:5], _DRIFTS))
 _BY_TYPE: tuple[tuple[type, Sequence[str], Sequence[str]], ...] = (
-    (values.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
+    (grammar.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
     (click.types.IntRange, _COUNTS, _STRANGE_COUNTS),
     (click.types.IntParamType, _COUNTS, _STRANGE_COUNTS),
     (click.types.FloatRange, _NUMBERS, _STRANGE_NUMBERS),

@@ -1,7 +1,5 @@
 """Sound files of every format that is read, small, and what could tell a change of them."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not happen.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,9 +48,7 @@ KINDS = {
         model_files.OUTCOMES,
     ),
     "commands": Kind(
-        command_lines.names,
-        lambda name, seed: run(command_lines.command_line(name, seed)),
-        tuple(CODES.values()),
+        command_lines.names, lambda name, seed: run(command_lines.command_line(name, seed)), tuple(CODES.values())
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "stores": Kind(stores.names, stores.outcome, stores.OUTCOMES),

@@ -4,8 +4,6 @@ A file is refused, every fault with its place; or it is a sound model, which run
 and prints nothing that it must not (`fuzz.printed`).
 """
 
-from __future__ import annotations
-
 import functools
 import io
 import math

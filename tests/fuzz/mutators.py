@@ -1,7 +1,5 @@
 """Ways in which a file comes to harm, each from a seeded generator: flipped bits, lost and doubled pieces, numbers."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Callable

@@ -2,8 +2,6 @@
 runs of many steps, whose memory must not grow.
 """
 
-from __future__ import annotations
-
 import random
 import tracemalloc
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What may become of a damaged file: refused in one line, read as before, or changed where nothing could tell."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Sequence

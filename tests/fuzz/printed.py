@@ -5,8 +5,6 @@
 It knows no command, so that it serves any.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -22,7 +20,7 @@ _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2
 _NO_NUMBER = re.compile(r"[-+]?(nan|inf|infinity)%?", re.IGNORECASE)
 _NO_NUMBER_IN_WORDS = re.compile(r"(?<![\w./:'-])[-+]?(nan|inf)(?![\w./:'])", re.IGNORECASE)
 _LEAKS = re.compile(r"Traceback|encountered in|Warning: .*deprecat|object at 0x", re.IGNORECASE)
-_FORMULA = re.compile(r"[=@]|[-+](?!\.?\d)")
+_FORMULA = re.compile(r"(?=[=+\-@\t\r])(?![-+]?([0-9]+\.?[0-9]*|\.[0-9]+)?([eE][-+]?[0-9]+)?\Z)")
 _MOST_LINES = 400
 _LOCK = ".lock"  # the ending of a file that is held, not read
 

@@ -8,8 +8,6 @@ Each case is a name and a seed; a failure is printed with both, so that `--of KI
 A case that ends its process (a crash) or does not come back is a failure, too.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 import multiprocessing

@@ -1,7 +1,5 @@
 """A folder of small models and records, sound and strange, and `tdint` in this process."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import shutil

@@ -3,8 +3,6 @@
 No table has a wrong byte.
 """
 
-from __future__ import annotations
-
 import functools
 import random
 import re

@@ -3,8 +3,6 @@
 What is printed and written is judged (`fuzz.printed`), in the folder of a campaign, too.
 """
 
-from __future__ import annotations
-
 import math
 import random
 import re

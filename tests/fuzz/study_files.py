@@ -1,7 +1,5 @@
 """Small files that studies read: recordings in a building, campaigns, inventories, a grid, tables. All are sound."""
 
-from __future__ import annotations
-
 import json
 import math
 

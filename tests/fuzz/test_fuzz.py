@@ -1,7 +1,5 @@
 """A few damaged inputs of every kind; `python tests/fuzz/run.py` does the same by the hundred thousand."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

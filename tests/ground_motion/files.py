@@ -1,13 +1,15 @@
 """Record files that the tests write themselves, through obspy."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.miniseed_checks import Damaged
+from tdint.ground_motion.reading.contents import read_contents
 
 with quiet_import():
     from obspy import Stream, Trace, UTCDateTime
@@ -41,3 +43,15 @@ def obspy_data(name):
     """A file among the test data that the obspy wheel brings along; None if this installation has none."""
     path = Path(find_spec("obspy").origin).parent / "io" / name
     return path if path.is_file() else None
+
+
+def refused(data, match):
+    """That a file's bytes are refused with these words."""
+    with pytest.raises(RecordError, match=match):
+        read_contents(bytes(data), "file")
+
+
+def refused_by(look, data, match):
+    """The same of one of the functions that look at a format."""
+    with pytest.raises(Damaged, match=match):
+        look(bytes(data))

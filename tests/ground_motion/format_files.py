@@ -4,8 +4,6 @@ Each function gives a file's text. The samples are numbers that the format's dec
 exactly.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tdint.ground_motion.formats.series import motion_units

@@ -1,7 +1,5 @@
 """Small records in the formats of single networks (`tdint.ground_motion.formats`)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ground_motion.format_files import columns, fortran, motion, text

@@ -1,4 +1,4 @@
-"""Damaged files: a RecordError or the right samples, without filling the memory."""
+"""Damaged files: a RecordError or the right samples, without filling the memory; tests/fuzz damages them at random."""
 
 import io
 import re
@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground_motion.format_files import two_columns
@@ -48,28 +48,6 @@ def test_cut_off_anywhere(name, data):
     shortest = 200 if name == "TEXT" else 0  # A few rows do not tell how many places their numbers have.
     for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
         check_whole(name, data[:length], whole)
-
-
-@pytest.mark.parametrize(("name", "data"), CASES)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(random=st.randoms(use_true_random=False))
-def test_lines_in_another_order(name, data, random):
-    lines = data.split(b"\n")
-    for _ in range(random.choice((1, 2, len(lines)))):
-        a, b = random.randrange(len(lines)), random.randrange(len(lines))
-        lines[a], lines[b] = lines[b], lines[a]
-    read(name, b"\n".join(lines))
-
-
-@pytest.mark.parametrize(("name", "data"), CASES)
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(changes=st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.binary(max_size=9)), max_size=8))
-def test_random_bytes(name, data, changes):
-    changed = bytearray(data)
-    for place, piece in changes:
-        start = int(place * len(changed))
-        changed[start : start + len(piece)] = piece
-    read(name, bytes(changed))
 
 
 @pytest.mark.parametrize(("name", "data"), CASES)

@@ -56,19 +56,6 @@ class TestOneColumn:
     def test_refused(self, header, message):
         refused(one_column(header=header), message)
 
-    def test_without_units_the_user_gives_them(self, tmp_path):
-        path = tmp_path / "a.txt"
-        path.write_text(one_column(header="# dt = 0.01 s"))
-        with pytest.raises(RecordError, match="does not tell the units"):
-            read_record(path)
-        assert read_record(path, units="m/s^2").pga == 1.5
-
-    def test_declared_units_are_not_overruled(self, tmp_path):
-        path = tmp_path / "a.txt"
-        path.write_text(one_column())
-        with pytest.raises(RecordError, match=r"gives its units \(g\), gal contradicts"):
-            read_record(path, units="gal")
-
 
 class TestTwoColumns:
     @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_inputs_stay_with_the_record():
     assert (after.inputs, after.start) == (before.inputs, "")
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
 def test_all_steps_are_linear(factor, seed):
     one, other = noise(seed=seed), noise(seed=seed + 100)
@@ -164,10 +164,6 @@ def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
     np.testing.assert_allclose(middle(high), (1.0 - kept) * middle(before.acceleration), atol=1e-9)
 
 
-def test_half_the_amplitude_is_left_at_the_corner():
-    assert gain(5.0, 5.0, 4) == 0.5
-
-
 @pytest.mark.parametrize("kind", ["highpass", "lowpass"])
 @pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
 def test_zeros_around_the_record_change_nothing(kind, corner, corners):
@@ -175,15 +171,6 @@ def test_zeros_around_the_record_change_nothing(kind, corner, corners):
     alone = process(noise(), **{kind: corner}, corners=corners).acceleration
     padded = process(noise(), pad=(20.0, 500.0), **{kind: corner}, corners=corners).acceleration
     np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
-
-
-@pytest.mark.parametrize("kind", ["highpass", "lowpass"])
-def test_a_motion_in_reverse_is_filtered_in_reverse(kind):
-    before = np.zeros(4001)
-    before[1800:2200] = np.random.default_rng(3).standard_normal(400)
-    done = process(record(before), **{kind: 3.0}).acceleration
-    reverse = process(record(before[::-1]), **{kind: 3.0}).acceleration[::-1]
-    np.testing.assert_allclose(done, reverse, atol=1e-12)
 
 
 # Resampling
@@ -194,6 +181,7 @@ def test_old_samples_are_kept_between_new_ones(parts):
     done = process(noise(), resample=DT / parts)
     assert done.acceleration.size == parts * 1999 + 1
     np.testing.assert_allclose(done.acceleration[::parts], noise().acceleration, atol=1e-13)
+    assert process(done, resample=DT / parts) is done
 
 
 @pytest.mark.parametrize("new", [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1])
@@ -218,13 +206,6 @@ def test_a_constant_stays_one_and_the_last_sample_is_not_passed(new):
     done = process(record(np.ones(3001)), resample=new)
     np.testing.assert_allclose(middle(done.acceleration), 1.0, atol=1e-13)
     assert 30.0 - new < done.duration <= 30.0 + 1e-9
-
-
-def test_there_and_back():
-    before = process(noise(), lowpass=15.0, corners=8, pad=5.0)
-    back = process(process(before, resample=0.0031), resample=DT)
-    np.testing.assert_allclose(back.acceleration[:2900], before.acceleration[:2900], atol=3e-5)
-    assert process(before, resample=DT) is before
 
 
 # What does not fit

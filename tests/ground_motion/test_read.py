@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tdint
 from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins
@@ -35,9 +34,6 @@ class TestWhatARecordTells:
         assert (record.units, record.units_from, record.quantity) == ("m/s^2", "assumed", "acceleration")
         (warning,) = record.warnings
         assert warning.startswith("m/s^2 is assumed")
-
-    def test_is_the_public_function(self, tmp_path):
-        assert tdint.read_record(write(tmp_path / "a.mseed", trace(wave()))).pga == 3.0
 
     def test_standard_input(self, tmp_path, monkeypatch):
         data = write(tmp_path / "a.mseed", trace(wave())).read_bytes()
@@ -339,10 +335,7 @@ class TestUnits:
         with pytest.raises(RecordError, match="which is no ground motion"):
             read_record(path, units="m/s^2")
 
-    @pytest.mark.parametrize(
-        ("header", "message"),
-        [({"idep": 7}, "a velocity"), ({"idep": 6}, "a displacement")],
-    )
+    @pytest.mark.parametrize(("header", "message"), [({"idep": 7}, "a velocity"), ({"idep": 6}, "a displacement")])
     def test_sac_of_something_else(self, tmp_path, header, message):
         path = write(tmp_path / "a", trace(wave(), sac=header), format="SAC")
         with pytest.raises(RecordError, match=message):
@@ -387,21 +380,17 @@ class TestOwnPlugins:
         path.write_text("OWN cm/s^2")
         return path
 
-    def test_units_of_the_file(self, path):
-        assert read_record(path).pga == pytest.approx(0.03)
-        assert read_record(path).notes == ()
-
-    def test_same_units_of_the_user(self, path):
-        assert read_record(path, units="gal").pga == pytest.approx(0.03)
+    def test_units_of_the_file_and_of_the_user(self, path):
+        for units in (None, "gal"):
+            record = read_record(path, units=units)
+            assert (record.pga, record.notes) == (pytest.approx(0.03), ())
+        with pytest.raises(RecordError, match="g contradicts them"):
+            read_record(path, units="g")
 
     def test_its_own_error(self, path):
         path.write_text("OWN")
         with pytest.raises(RecordError, match=r"a\.own: names no unit$"):
             read_record(path)
-
-    def test_other_units_of_the_user(self, path):
-        with pytest.raises(RecordError, match="g contradicts them"):
-            read_record(path, units="g")
 
 
 class TestDoubts:

@@ -1,7 +1,5 @@
 """The Bouc-Wen law against its closed forms, scipy's DOP853, and what no numerical form of it may break."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -101,7 +99,7 @@ def gone_along(law_parameters, drifts):
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
     for rise in np.diff(drifts, prepend=0.0):
-        path.follow(law_parameters, state, 0, rise, 0.0, np.zeros((path.PATH_ROWS, 2)), 0)
+        path.follow(law_parameters, state, 0, rise, 0.0, False, np.zeros((path.PATH_ROWS, 2)), 0)
         path.arrive(law_parameters, state, 0, rise)
     return state[at.FORCE, 0]
 

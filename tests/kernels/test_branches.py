@@ -1,7 +1,5 @@
 """Drift laws: tangents, paths, energies, and the location of events."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,11 +7,13 @@ import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout as at
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws import walking as walks
+from tdint.kernels.laws.compiled_separately import CALLING, spring_table
+from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.branches import NONE, _crossing, turning
 from tdint.kernels.stories.law_state import restoring, start
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)
@@ -83,10 +83,11 @@ def test_bilinear_loop_by_hand():
     assert forces == pytest.approx(expected, rel=1e-12)
 
 
-def test_bilinear_branch_by_branch_is_the_closed_form():
-    law_parameters = law_table("bilinear", FY, HARDENING)
-    functions = LAWS["bilinear"].functions()
-    walk = walker(functions.switch, functions.advance)
+@pytest.mark.parametrize("name", ["bilinear", "gap"])
+def test_branch_by_branch_is_the_closed_form(name):
+    law_parameters = law_table(name, *LAW_CASES[name])
+    functions = LAWS[name].functions()
+    walk = walker(functions.switch, *([functions.advance] if name == "bilinear" else []))
     by_branches = spring_table(law_parameters)
     start(law_parameters, by_branches, 0, 0.0)
     forces, _, dissipated = follow(law_parameters, CYCLE)
@@ -94,21 +95,10 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
         by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
         assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+        if name == "gap":
+            beyond = max(abs(drift) - 0.05, 0.0)
+            assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
     assert by_branches[at.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
-
-
-def test_gap_branch_by_branch_is_the_closed_form():
-    law_parameters = law_table("gap", *LAW_CASES["gap"])
-    walk = walker(LAWS["gap"].functions().switch)
-    by_branches = spring_table(law_parameters)
-    start(law_parameters, by_branches, 0, 0.0)
-    forces, _, _ = follow(law_parameters, CYCLE)
-    for drift, force in zip(CYCLE, forces, strict=True):
-        walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
-        beyond = max(abs(drift) - 0.05, 0.0)
-        assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
-        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
 
 
 def test_peak_oriented_loop_by_hand():
@@ -130,6 +120,83 @@ def test_peak_oriented_unloading_stiffness_degrades():
     law_parameters = law_table("peak-oriented", FY, HARDENING, 0.5)
     forces, _, _ = follow(law_parameters, [0.08, 0.079])
     assert (forces[0] - forces[1]) / 0.001 == pytest.approx(K * (0.02 / 0.08) ** 0.5, rel=1e-9)
+
+
+def _origin_oriented():
+    """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of the stiffness; one row
+    of its own: how often it has turned there."""
+
+    def recoverable(law_parameters, springs, i):
+        return 0.5 * springs[at.FORCE, i] * springs[at.DRIFT, i]
+
+    def enter(law_parameters, springs, i):
+        springs[at.UPPER, i], springs[at.LOWER, i] = FY / K, -FY / K
+
+    def switch(law_parameters, springs, i, block, event):
+        drift = springs[block + at.DRIFT, i]
+        springs[block + at.TURN, i] = event
+        springs[block + at.UPPER, i] = math.inf if event else abs(drift)
+        springs[block + at.LOWER, i] = -math.inf if event else -abs(drift)
+        springs[block + at.SLOPE, i] = 0.1 * K if event else springs[block + at.FORCE, i] / drift
+        springs[walks.extra_rows(springs, block), i] += event == at.TURNED
+
+    return walks.branch_first(walks.walking(switch, recoverable, enter))
+
+
+PLUGINS = {"origin-oriented": DriftLaw("origin-oriented", "", _origin_oriented, kinked=True, extra_rows=1)}
+KNOWING = [name for name, law in LAWS.items() if law.kinked and law.functions().keep and not law.functions().settle]
+
+
+def _along(functions, law_parameters, springs, drifts):
+    """Tangent, force and work at each of the drifts, one reached from the other, each in a trial block of its own."""
+    results = []
+    for past, drift in enumerate(drifts):
+        trial = (past + 1) * at.SPRING_ROWS
+        springs[trial + at.DRIFT, 0] = drift
+        tangent = functions.force(law_parameters, springs, 0, past * at.SPRING_ROWS, trial, drift)
+        results.append((tangent, springs[trial + at.FORCE, 0], springs[trial + at.WORK, 0]))
+    return results
+
+
+@pytest.mark.parametrize("name", [*KNOWING, *PLUGINS])
+def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
+    """Of forces, tangents, work and committed states, on random ways over up to three blocks, done again with other
+    drifts as iterations do, against the plain walk."""
+    law = (LAWS | PLUGINS)[name]
+    looking = CALLING if law.apart else law.functions()
+    with monkeypatch.context() as patch:
+        patch.setattr(walks, "branch_first", lambda functions: functions)
+        plain = law.functions()
+    code = name if name in LAWS else "linear"
+    law_parameters = law_table(code, *LAW_CASES.get(name, ()))
+    tables = [np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows, 2)) for _ in range(2)]
+    for springs in tables:
+        springs[at.SLOPE, 0], springs[at.UPPER, 0], springs[at.LOWER, 0] = K, math.inf, -math.inf
+        plain.enter(law_parameters, springs, 0)
+    looking_at, walked = tables
+    looking_at[at.SPRING_ROWS : at.ADDRESS] = 1e3  # whatever stood there
+    generator = np.random.default_rng(len(name))
+    drift, borrowed, of_a_block, of_its_own = 0.0, 0, 0, 0
+    for part in np.linspace(0.0, 1.0, 500):
+        reach = (0.5 + 8.0 * part) * FY / K
+        for _ in range(generator.integers(1, 4)):
+            steps = FY / K * 10.0 ** generator.uniform(-2.0, 0.5) * generator.normal(size=generator.integers(1, 4))
+            drifts = np.clip(drift + np.cumsum(steps), -reach, reach)
+            assert _along(looking, law_parameters, looking_at, drifts) == _along(plain, law_parameters, walked, drifts)
+        loans = looking_at[at.FIRST_TRIAL + at.BORROWED : at.ADDRESS : at.SPRING_ROWS, 0][: drifts.size]
+        borrowed += np.count_nonzero(loans)
+        of_its_own += np.count_nonzero(loans == 0.0)
+        of_a_block += np.count_nonzero(loans[1:] == -at.SPRING_ROWS)
+        for functions, springs in ((looking, looking_at), (plain, walked)):
+            trial = drifts.size * at.SPRING_ROWS
+            functions.keep(law_parameters, springs, 0, trial - at.SPRING_ROWS, trial)
+            springs[[at.DRIFT, at.FORCE, at.INTERNAL], 0] = springs[
+                trial + np.array([at.DRIFT, at.FORCE, at.INTERNAL]), 0
+            ]
+        drift = walked[at.DRIFT, 0]
+        assert np.array_equal(looking_at[: at.SPRING_ROWS], walked[: at.SPRING_ROWS])
+        assert np.array_equal(looking_at[at.EXTRA_ROWS :][: law.extra_rows], walked[at.EXTRA_ROWS :][: law.extra_rows])
+    assert min(borrowed, of_its_own) > 50 and of_a_block > 10
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -1,7 +1,5 @@
 """Object files of kernels: never stale, never in the way, loaded without the compiler."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -14,7 +12,7 @@ import pytest
 
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.compilation import of_model
+from tdint.analysis.run.prepared import of_model
 from tdint.errors import OutputError
 from tdint.kernels.building import compilable, obtaining, store
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
@@ -24,6 +22,7 @@ from tdint.kernels.building.obtaining import compile_ahead, obtain
 from tdint.kernels.building.process import Compilation
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
+from tdint.kernels.stories.law_state import follow
 from tdint.methods.catalogue import parse as parse_method
 
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
@@ -143,7 +142,7 @@ def test_what_a_run_needs_is_compiled_and_no_more():
         wanted = of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
         variants[name] = {kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted}
     for name, variant in (("ten-story", "linear"), ("ten-story-bilinear", "linear,bilinear")):
-        assert variants[name].keys() >= {"moment4:step", "march:march", "cyclic:follow"}
+        assert variants[name].keys() >= {"moment4:step", "march:march", "law_state:follow"}
         assert variants[name].pop("elastic:peaks") == EVERYTHING.text
         assert set(variants[name].values()) == {variant}
 
@@ -164,6 +163,52 @@ def test_a_building_s_own_kernel_serves_before_the_one_for_everything(tmp_path, 
         store.keep(pack(variant.text.encode(), {**about, "symbol": "b"}), scaled.name, variant.text, native())
         obtain([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
     assert served == [EVERYTHING.text.encode(), linear.text.encode()]
+
+
+TWO = """
+from tdint.kernels.compiling import F8, I8, VECTOR, called, kernel
+
+@called
+def reciprocal(numbers, n):
+    return 1 // n + numbers[(1, 2, 3)[n]] ** n  # numba raises exceptions for each of the three
+
+@kernel(F8(VECTOR, I8), parts=())
+def first(numbers, n):
+    return reciprocal(numbers, n)
+
+@kernel(F8(VECTOR, I8), parts=())
+def second(numbers, n):
+    return 2.0 * reciprocal(numbers, n)
+"""
+AHEAD = """
+import os, two
+from pathlib import Path
+from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.building.obtaining import compile_ahead
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])  # one process compiles both
+compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("out"), lambda done: None)
+"""
+
+
+def test_the_same_sources_give_the_same_bytes(tmp_path):
+    """Wherever they lie, in whatever order they are compiled and however Python hashes names; no path is in them."""
+    running, objects = [], []
+    for place, seed, names in (("a", "1", ("first", "second")), ("b/deeper", "2", ("second", "first"))):
+        folder = tmp_path / place
+        folder.mkdir(parents=True)
+        (folder / "two.py").write_text(TWO)
+        setting = {"TDINT_CACHE_DIR": str(folder / "cache"), "PYTHONHASHSEED": seed}
+        running.append((folder, started(AHEAD.format(*names), folder, **setting)))
+    for folder, process in running:
+        printed(process)
+        objects.append({file.name: file.read_bytes() for file in (folder / "out").rglob("*.object")})
+    assert objects[0] == objects[1] and len(objects[0]) == 2
+    for data in objects[0].values():
+        code, about = unpack(data)
+        assert about["symbol"].partition(".")[0] in ("first", "second")
+        for word in (str(tmp_path), sys.prefix, "site-packages", "builtins", "Error"):
+            assert word.encode() not in code
 
 
 HARMS = ["cut off", "changed", "open to others", "of another", "a folder", "a pipe", "nothing", "deep", "symbol"]
@@ -353,12 +398,24 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
     ]
     assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
     assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
-    assert wanted.reason(["NameError", "name 'x' is not defined"]) == f"{own}: name 'x' is not defined"
+    assert wanted.reason(["NameError", "name 'nowhere' is not defined"]) == f"{own}: name 'nowhere' is not defined"
     assert wanted.reason(["one line"]) == f"{own}: one line"
     assert wanted.reason([]) == ""
     package = Compilation(SimpleNamespace(name="a:b", function=of_model, parts=()), EVERYTHING, {})
     assert package.request == ("a:b", None)
-    assert package.reason(text) == text[-1] and package.reason([]) == ""
+    assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
+
+
+def test_a_misspelled_name_is_told_with_its_line():
+    """Of one of our own kernels, too: numba names no place of it."""
+    kernel = SimpleNamespace(name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=())
+    head = "Failed in nopython mode pipeline"
+    said = Compilation(kernel, EVERYTHING, {}).reason(
+        [head, "of a caller", head, "NameError: name 'drifts' is not defined"]
+    )
+    place, line, reason = said.split(":", 2)
+    assert (Path(place).name, reason) == ("law_state.py", " NameError: name 'drifts' is not defined")
+    assert "drifts" in Path(place).read_text().splitlines()[int(line) - 1]
 
 
 def test_what_is_said_of_what_is_compiled(monkeypatch):

@@ -1,7 +1,5 @@
 """Objects for other systems: what they leave open, and that they compute the same where this machine can run them."""
 
-from __future__ import annotations
-
 import importlib.util
 import platform
 import subprocess
@@ -13,6 +11,7 @@ import pytest
 
 from small_foreign_kernel import SIGNATURE, weighed
 from tdint.errors import UsageError
+from tdint.kernels.building import target
 from tdint.kernels.building.compiler import objects_of
 from tdint.kernels.building.target import AARCH64, LEVELS, named
 from tdint_cli.commands.compile import TARGETS
@@ -88,3 +87,26 @@ def test_an_unknown_target_is_refused():
     for name in ("x87", "windows-aarch64", "solaris-x86-64"):
         with pytest.raises(UsageError, match=name):
             named(name)
+
+
+@pytest.mark.parametrize(
+    ("triple", "families"),
+    [
+        ("powerpc64le-unknown-linux-gnu", set()),
+        ("riscv64-unknown-linux-gnu", set()),
+        ("s390x-ibm-linux-gnu", set()),
+        ("i686-pc-linux-gnu", set()),
+        ("armv7l-unknown-linux-gnueabihf", set()),
+        ("aarch64-unknown-linux-gnu", {AARCH64}),
+        ("arm64-apple-darwin23.1.0", {AARCH64}),
+        ("x86_64-unknown-linux-gnu", {"x86-64-v2", "x86-64"}),
+    ],
+)
+def test_a_processor_is_given_the_objects_of_its_own_family(monkeypatch, triple, families):
+    """A stand-in triple: on a processor that no object is made for, only what was compiled there is loaded."""
+    features = dict.fromkeys(LEVELS["x86-64-v2"], True)
+    monkeypatch.setattr(target.llvm, "get_process_triple", lambda: triple)
+    monkeypatch.setattr(target.llvm, "get_host_cpu_features", lambda: features)
+    own, *others = target.runnable.__wrapped__()
+    assert own == target.native()
+    assert {one.cpu for one in others} == families

@@ -1,7 +1,5 @@
 """The multilinear law with pinching: loops of OpenSees, loops by hand, energy."""
 
-from __future__ import annotations
-
 import csv
 import math
 from itertools import groupby, pairwise
@@ -10,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.static.cyclic import follow_path
+from tdint.analysis.static import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import simple_model, simple_story
-from tdint.model.laws import LAWS, Law
+from tdint.model.definition import LAWS, Law, simple_model, simple_story
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
 """Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;

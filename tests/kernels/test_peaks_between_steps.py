@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Memory, Passage, Scene, Seen, Span
 from tdint.kernels.march.observing import _raise_ends, look_between, observe
 from tdint.kernels.march.peaks_between_steps import _extreme_of_cubic, look_within
+from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
 
 STORIES = 4
 K = 50.0
@@ -53,7 +53,9 @@ def scene(seed):
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
-    return arguments(Span(h, *ground, on_path, fast), linear_terms, law_parameters, old, state, springs, turns, peaks)
+    return arguments(
+        Span(h, *ground, on_path, fast, False), linear_terms, law_parameters, old, state, springs, turns, peaks
+    )
 
 
 def arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks):
@@ -132,7 +134,7 @@ def errors(h):
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
-            span = Span(h, -1.0, -1.0, False, False)
+            span = Span(h, -1.0, -1.0, False, False, False)
             look_within(*arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks))
             found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]

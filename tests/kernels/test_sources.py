@@ -1,7 +1,5 @@
 """What a compiled kernel depends on: the modules that it is made of, and no others."""
 
-from __future__ import annotations
-
 import ast
 import os
 import shutil
@@ -13,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import tdint
-from tdint.analysis.run.compilation import of_everything
+from tdint.analysis.run.prepared import of_everything
 from tdint.kernels.building import sources
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS

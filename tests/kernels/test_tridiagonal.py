@@ -1,19 +1,23 @@
 """The direct solves of `tdint.kernels.equations.tridiagonal` against dense matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from tdint.kernels.bundles import Factors
+from tdint.kernels import layout as at
+from tdint.kernels.equations import impulse_momentum as momentum
+from tdint.kernels.equations.impulse4 import FACTORS, factor_rows, newton, solve_linear
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
     factor_blocks,
     factor_damped,
+    factor_pairs,
     solve_blocks_damped,
     solve_damped,
+    solve_pairs_damped,
 )
+from tdint.kernels.stepping import Factors, Memory, Scene
+from tdint.methods.impulse4 import coefficients
 
 
 @pytest.mark.parametrize("modes", [0, 1, 3, 8])
@@ -61,3 +65,75 @@ def test_blocks_with_low_rank(n, modes):
     factor_blocks(factors, damping, n)
     solve_blocks_damped(factors, damping, x, x + 1, n)
     assert work[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
+
+
+def chain(n, modes, generator):
+    """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the others; the columns
+    of the solver, and the dense M, C and K."""
+    linear_terms, springs = np.zeros((at.LINEAR_TERM_ROWS, n + 1)), np.zeros((at.EXTRA_ROWS, n + 1))
+    linear_terms[[at.MASS, at.FLOOR_DAMPER, at.STORY_DAMPER], :n] = generator.uniform(0.1, 1.0, (3, n))
+    linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
+    linear_terms[at.GEOMETRIC, :n] = -generator.uniform(0.0, 0.5, n)
+    linear_terms[at.LINK, 1:n] = 1.0
+    linear_terms[at.LINK, 3:4] = 0.0
+    springs[at.SLOPE, :n] = 10.0 ** generator.uniform(0.0, 2.0, n)
+    springs[at.SLOPE, n // 2] *= -0.2
+    modal = np.hstack([generator.normal(size=(modes, n)), np.zeros((modes, 1))])
+    differences = np.eye(n) - np.diag(linear_terms[at.LINK, 1:n], -1)
+    stiffness = springs[at.SLOPE, :n] + linear_terms[at.GEOMETRIC, :n]
+    damping = np.diag(linear_terms[at.FLOOR_DAMPER, :n]) + modal[:, :n].T @ modal[:, :n]
+    return (
+        (linear_terms, springs, modal),
+        np.diag(linear_terms[at.MASS, :n]),
+        damping + differences.T @ np.diag(linear_terms[at.STORY_DAMPER, :n]) @ differences,
+        differences.T @ np.diag(stiffness) @ differences,
+    )
+
+
+@pytest.mark.parametrize("modes", range(6))
+@pytest.mark.parametrize("n", [1, 2, 5, 8])
+def test_pairs_with_low_rank(n, modes):
+    """(M + l C + l^2 K) w = r, as a dense complex matrix; l from the shortest steps to those that see no mass."""
+    modes = min(modes, n)
+    generator = np.random.default_rng(n * 10 + modes)
+    for size in (1e-3, 1.0, 1e3):
+        (linear_terms, springs, modal), mass, damping, stiffness = chain(n, modes, generator)
+        root = size * complex(generator.uniform(0.2, 1.0), generator.uniform(0.2, 1.0))
+        right = generator.normal(size=n) + 1j * generator.normal(size=n)
+        dense = mass + root * damping + root**2 * stiffness
+        work = np.zeros((6 + 6 * modes + 1, max(n, 2 * modes) + 1))
+        work[:2, :n] = right.real, right.imag
+        factors = Factors(work, 2, 4, 6)
+        by_modes = ModalBlocks(modal, root.real, -root.imag, root.imag, root.real)
+        factor_pairs(linear_terms, springs, (root.real, root.imag), factors, by_modes, n)
+        solve_pairs_damped(factors, by_modes, 0, 1, n)
+        out_of_balance = np.abs(dense @ (work[0, :n] + 1j * work[1, :n]) - right)
+        assert np.all(out_of_balance <= 1e-13 * np.linalg.cond(dense) * np.abs(right).max())
+        assert work[0, :n] + 1j * work[1, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-9, abs=1e-13)
+
+
+@pytest.mark.parametrize("omega_h", [1e-2, 1.0, 30.0, 1e4])
+@pytest.mark.parametrize("rho_inf", [0.0, 0.5, 1.0])
+def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
+    """One complex solve in place of two unknowns a floor, from any state. Rounding is that of the stiffness beside the
+    mass: omega h of it in the motion, once more in the acceleration, which is a difference of forces."""
+    for modes in (0, 3):
+        generator = np.random.default_rng(modes)
+        n = 6
+        (linear_terms, springs, modal), mass, _, stiffness = chain(n, modes, generator)
+        h = omega_h / np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))).max())
+        state = np.hstack([generator.normal(size=(3, n)), np.zeros((3, 1))])
+        springs[at.DRIFT] = state[0] - linear_terms[at.LINK] * np.roll(state[0], 1)
+        springs[at.FORCE] = generator.normal(size=n + 1)
+        laws = np.vstack([np.zeros(n + 1), np.abs(springs[at.SLOPE])])
+        scene = Scene(linear_terms, modal, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE))
+        work = np.zeros((FACTORS + factor_rows(modes), n + 1))
+        work[[momentum.LOAD, momentum.IMPULSE], :n] = generator.normal(size=(2, n))
+        memory = Memory(state, springs, work, np.zeros(at.REPORT_SIZE))
+        motion = (momentum.DU, momentum.DV, momentum.A1)
+        solve_linear(coefficients(rho_inf), scene, h, memory, FACTORS)
+        straight = work[motion, :n].copy()
+        assert newton(True, coefficients(rho_inf), scene, h, memory, FACTORS) > 0
+        difference = np.abs(straight - work[motion, :n]).max(axis=1) / np.abs(straight).max(axis=1)
+        rounding = 32.0 * np.finfo(float).eps * (1.0 + omega_h)
+        assert np.all(difference <= [rounding, rounding, rounding * (1.0 + omega_h)])

@@ -1,7 +1,5 @@
 """What is compiled for one scene does what is compiled for all of them does, to the last bit."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,15 +9,14 @@ import pytest
 from law_examples import example
 from tdint import load_model
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import choose_steps
-from tdint.analysis.run.workspace import kernels
+from tdint.analysis.run.workspace import choose_steps, kernels
 from tdint.kernels import layout as at
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import compile_ahead
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.model.laws import LAWS, Law
+from tdint.model.definition import LAWS, Law
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [at.PEAK_DRIFT_RATE, at.PEAK_ROWS + at.PEAK_DRIFT_RATE]  # of drift, for dashpots, of which there are none

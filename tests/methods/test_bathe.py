@@ -1,25 +1,14 @@
 """The composite method of Bathe: the compiled step against the published formulas, and what they promise."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from building_cases import Law, noise, ten_bilinear
-from step_checks import (
-    RAYLEIGH,
-    TOO_LARGE,
-    SingleSteps,
-    building,
-    load,
-    matrices,
-    orders,
-    period_error_and_damping,
-)
-from tdint.analysis.run.amplification import amplification, spectral_radius
+from building_cases import Law, noise
+from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, load, matrices
 from tdint.analysis.run.run import run
+from tdint.analysis.run.workspace import amplification
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
@@ -39,8 +28,7 @@ def dense_step(values, M, C, K, h, u0, v0, a0, p_inner, p1):
     q0, q1, q2 = published(*values)
     g = gamma * h
     u_inner = np.linalg.solve(
-        4.0 / g**2 * M + 2.0 / g * C + K,
-        p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0),
+        4.0 / g**2 * M + 2.0 / g * C + K, p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0)
     )
     v_inner = 2.0 / g * (u_inner - u0) - v0
     a_inner = 2.0 / g * (v_inner - v0) - a0
@@ -57,8 +45,7 @@ def bathe_2007_step(gamma, M, C, K, h, u0, v0, a0, p_inner, p1):
     """One step of Bathe and Baig (2005): the backward difference over three points, weights c1, c2, c3."""
     g = gamma * h
     u_inner = np.linalg.solve(
-        4.0 / g**2 * M + 2.0 / g * C + K,
-        p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0),
+        4.0 / g**2 * M + 2.0 / g * C + K, p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0)
     )
     v_inner = 2.0 / g * (u_inner - u0) - v0
     c1, c2, c3 = (1.0 - gamma) / g, -1.0 / ((1.0 - gamma) * g), (2.0 - gamma) / ((1.0 - gamma) * h)
@@ -119,42 +106,6 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
     np.testing.assert_allclose(history.displacement, u, rtol=0.0, atol=1e-10 * np.max(np.abs(u)))
 
 
-@pytest.mark.parametrize("case", ["linear", "cubic"])
-@pytest.mark.parametrize("method", METHODS)
-def test_order_2_in_displacement_velocity_and_acceleration(method, case):
-    assert parse(method).order == 2
-    np.testing.assert_allclose(orders(method, case), 2.0, atol=0.1)
-
-
-# Measured with an independent implementation, in percent, to the digits given
-@pytest.mark.parametrize(
-    ("method", "period_error", "damping"),
-    [
-        ("bathe", 1.57, 0.087),
-        ("bathe:gamma=0.5", 1.62, 0.082),
-        ("bathe:rho_inf=1", 0.82, 0.0),
-        ("bathe:rho_inf=0.8", 0.94, 0.019),
-        ("bathe:rho_inf=0.5", 1.15, 0.046),
-    ],
-)
-def test_period_error_and_numerical_damping(method, period_error, damping):
-    got = period_error_and_damping(method)
-    assert got[0] == pytest.approx(period_error, abs=0.005)
-    assert got[1] == pytest.approx(damping, abs=0.0005)
-
-
-@pytest.mark.parametrize("gamma", [None, 0.05, 0.5, 0.95])
-@pytest.mark.parametrize("rho_inf", [0.0, 0.3, 0.8, 1.0])
-def test_stable_at_every_frequency_with_rho_inf_as_declared(rho_inf, gamma):
-    integrator = parse(f"bathe:rho_inf={rho_inf}" + (f",gamma={gamma}" if gamma else ""))
-    omega_h = np.logspace(-2.0, 4.0, 200)
-    for xi in (0.0, 0.05):
-        assert np.max(spectral_radius(integrator, omega_h, np.full(200, xi), 1.0)) <= 1.0 + 1e-9
-    assert integrator.stability_limit == math.inf
-    assert spectral_radius(integrator, np.array([1e7]), np.zeros(1), 1.0)[0] == pytest.approx(rho_inf, abs=1e-4)
-    assert integrator.rho_inf == rho_inf
-
-
 @pytest.mark.parametrize("rho_inf", [0.0, 0.3, 0.8, 1.0 - 1e-9, 1.0])
 def test_default_gamma_gives_one_matrix_for_both_sub_steps(rho_inf):
     gamma, _, _, q2 = parse(f"bathe:rho_inf={rho_inf!r}").coefficients(None, None, 1.0)
@@ -170,17 +121,6 @@ def test_default_gamma_gives_one_matrix_for_both_sub_steps(rho_inf):
 def test_parameters_out_of_range_are_refused(text):
     with pytest.raises(UsageError, match="must lie in"):
         parse(f"bathe:{text}")
-
-
-@pytest.mark.parametrize("method", ["bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5"])
-def test_bilinear_building_converges_to_what_newmark_gives(method):
-    def peaks(method, parts):
-        return run(ten_bilinear(), noise(), method=method, dt=0.01 / parts).stories.peak_drift
-
-    reference = peaks("newmark-average", 64)
-    coarse, fine = (np.max(np.abs(peaks(method, parts) / reference - 1.0)) for parts in (2, 16))
-    assert fine < 1e-3
-    assert fine < coarse / 8.0
 
 
 def test_second_sub_step_without_solution_leaves_everything_as_it_was():

@@ -1,7 +1,5 @@
 """impulse4 on piecewise-linear buildings: events located, order 4 back, robust when they pile up."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

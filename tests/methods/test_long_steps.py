@@ -1,7 +1,5 @@
 """Steps over several samples of a record: its impulse and first moment are all that a step takes of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

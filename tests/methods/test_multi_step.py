@@ -1,23 +1,12 @@
 """Houbolt and Park: the compiled step against the formulas on displacements, and what they promise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from building_cases import noise, oscillator, ten_bilinear
-from step_checks import (
-    RAYLEIGH,
-    TOO_LARGE,
-    SingleSteps,
-    building,
-    load,
-    matrices,
-    orders,
-    period_error_and_damping,
-)
-from tdint.analysis.run.amplification import amplification, spectral_radius
+from building_cases import noise, oscillator
+from step_checks import RAYLEIGH, building, load, matrices
 from tdint.analysis.run.run import run
+from tdint.analysis.run.workspace import amplification, spectral_radius
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
@@ -104,13 +93,6 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
     np.testing.assert_allclose(history.velocity, v, rtol=0.0, atol=1e-10 * np.max(np.abs(v)))
 
 
-@pytest.mark.parametrize("case", ["linear", "cubic"])
-@pytest.mark.parametrize("method", METHODS)
-def test_order_2_in_displacement_velocity_and_acceleration(method, case):
-    assert parse(method).order == 2
-    np.testing.assert_allclose(orders(method, case), 2.0, atol=0.1)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_first_two_steps_are_average_acceleration_and_the_third_is_not(method):
     case = oscillator(5.0, 0.05, displacement=(1.0,), velocity=(2.0,))
@@ -130,55 +112,9 @@ def test_small_steps_do_not_lose_the_acceleration_in_differences():
     assert end == pytest.approx(1.0, abs=1e-11)
 
 
-# Measured with an independent implementation, in percent, to the digits given
-@pytest.mark.parametrize(("method", "period_error", "damping"), [("houbolt", 12.3, 5.49), ("park", 6.71, 0.445)])
-def test_period_error_and_numerical_damping(method, period_error, damping):
-    got = period_error_and_damping(method)
-    assert got[0] == pytest.approx(period_error, abs=0.05 if method == "houbolt" else 0.005)
-    assert got[1] == pytest.approx(damping, abs=0.005 if method == "houbolt" else 0.0005)
-
-
-@pytest.mark.parametrize("xi", [0.0, 0.05])
-@pytest.mark.parametrize("method", METHODS)
-def test_stable_at_every_frequency_and_rho_inf_is_0(method, xi):
-    integrator = parse(method)
-    omega_h = np.logspace(-2.0, 4.0, 200)
-    assert np.max(spectral_radius(integrator, omega_h, np.full(200, xi), 1.0)) <= 1.0 + 1e-9
-    assert integrator.stability_limit == np.inf
-    # Several roots meet at 0, so they fall with a fractional power of omega h.
-    assert spectral_radius(integrator, np.array([1e9]), np.array([xi]), 1.0)[0] < 1e-3
-    assert integrator.rho_inf == 0.0
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_memory_is_what_the_next_step_depends_on(method):
     integrator = parse(method)
     rows = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
     assert [row in integrator.family.memory for row in rows] == [True, method == "park", False]
     assert len(integrator.family.derivatives) == integrator.family.state_rows
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_bilinear_building_converges_to_what_newmark_gives(method):
-    def peaks(method, parts):
-        return run(ten_bilinear(), noise(), method=method, dt=0.01 / parts).stories.peak_drift
-
-    reference = peaks("newmark-average", 64)
-    coarse, fine = (np.max(np.abs(peaks(method, parts) / reference - 1.0)) for parts in (4, 32))
-    assert fine < 1e-3
-    assert fine < coarse / 8.0
-
-
-@pytest.mark.parametrize("done", [0, 1, 2])
-@pytest.mark.parametrize("method", METHODS)
-def test_step_without_solution_leaves_everything_as_it_was(method, done):
-    steps, untried = SingleSteps(method), SingleSteps(method)
-    for s in range(done):
-        assert steps.take(s, s + 1.0) > 0
-        assert untried.take(s, s + 1.0) > 0
-    before = steps.memory()
-    assert steps.take(done, TOO_LARGE) == at.NOT_CONVERGED
-    np.testing.assert_array_equal(steps.memory(), before)
-    assert steps.take(done, done + 1.0) > 0
-    assert untried.take(done, done + 1.0) > 0
-    np.testing.assert_allclose(steps.memory(), untried.memory(), rtol=1e-9, atol=1e-12)

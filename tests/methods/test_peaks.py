@@ -3,23 +3,26 @@
 The limit is that of `benchmarks/peaks.py`, which measures more.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from building_cases import Law, model, noise, story
+from building_cases import Law, model, noise, story, ten_bilinear
 from random_buildings import piecewise_building, shaken_building
-from tdint import run
+from tdint import load_model, read_record, run
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 
 QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
 METHODS = (*catalogue(), "hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")
 PARTS, FINE = (1, 2, 4), 64
+CONFIGS = Path(__file__).parents[2] / "configs"
+OFFICE = load_model(CONFIGS / "ten-story-bilinear.yaml")
+NEAR = read_record(CONFIGS.parent / "records" / "near-fault.mseed", component="HN1", units="m/s^2")
+FRAME = load_model(CONFIGS / "collapse-prone-frame.yaml")
 
 
 def linear(rng):
@@ -114,3 +117,53 @@ def test_the_truth_is_that_of_dop853():
     stories = run(building, record, method="impulse4", dt=record.dt / FINE).stories
     for one, peak in zip(QUANTITIES, peaks, strict=True):
         assert getattr(stories, f"peak_{one}") == pytest.approx(peak, rel=2e-5)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+@pytest.mark.parametrize("parts", [1, 3])
+def test_the_top_story_moves_the_top_floor(method, parts):
+    """Its total shear is the floor's mass times its absolute acceleration, at all times: so are the peaks."""
+    for building, record in ((ten_bilinear(), noise()), (FRAME, noise(seed=3).scaled(1.5))):
+        stories = run(building, record, method=method, dt=record.dt / parts).stories
+        assert stories.peak_total_shear[-1] == pytest.approx(
+            building.stories[-1].mass * stories.peak_acceleration[-1], rel=1e-9
+        )
+
+
+def test_accelerations_at_corners():
+    """Where a story yields, an acceleration has a corner within a step, of which the ends of the step do not tell:
+    moment4 finds it on the paths of its stories."""
+    truth = run(OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0).stories.peak_acceleration
+    off = {}
+    for parts in (1, 2):
+        response = run(OFFICE, NEAR, method="moment4", dt=NEAR.dt / parts, duration=20.0, history=True)
+        off[parts] = np.max(np.abs(response.stories.peak_acceleration / truth - 1.0))
+        at_steps = np.max(np.abs(np.max(np.abs(response.history.acceleration), axis=0) / truth - 1.0))
+        assert off[parts] < 0.1 * at_steps
+    assert off[2] < 0.3 * off[1]
+
+
+def test_peaks_do_not_jump_with_the_strength():
+    """Strengths that differ by so little as 5e-4: what peaks change by is a few times that."""
+    for method in ("moment4", "gauss4"):
+        peaks = []
+        for part in (0.9795, 0.98):
+            stories = [
+                replace(one, law=Law("bilinear", (part * one.law.parameters[0], 0.03))) for one in OFFICE.stories
+            ]
+            weaker = replace(OFFICE, stories=tuple(stories))
+            peaks.append(run(weaker, NEAR, method=method, duration=20.0).stories.peak_acceleration)
+        assert np.max(np.abs(peaks[1] / peaks[0] - 1.0)) < 6.0 * (0.98 / 0.9795 - 1.0), method
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+def test_the_largest_force_of_a_story_that_is_pushed_beyond_its_cap(method):
+    """It is the capping force, reached within a step; impulse4 locates when to 1e-9 of the step."""
+    law = {"type": "imk", "yield_force": 4e5, "plastic_drift": 0.02, "post_capping_drift": 0.2, "capping_ratio": 1.2}
+    law |= {"residual_ratio": 0.2, "ultimate_drift": 0.5}
+    pushed = load_model(
+        {"stories": [{"mass": 1e5, "stiffness": 4e7, "law": law}], "initial": {"velocity": [1.5]}, "damping": "none"}
+    )
+    stories = run(pushed, method=method, dt=0.01, duration=0.1).stories
+    assert stories.peak_drift[0] > 0.04
+    assert stories.peak_shear[0] == pytest.approx(1.2 * 4e5, rel=1e-12 if method == "moment4" else 1e-8)

@@ -1,16 +1,17 @@
 """Methods and laws from files outside the package, as the READMEs show them, and from installed packages."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io
 import json
 import math
+import os
 import pickle
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from textwrap import dedent
 
 import numpy as np
@@ -19,17 +20,18 @@ from click.testing import CliRunner
 
 import readmes
 import tdint
-from tdint.analysis.assessment.declarations import check_law, check_method
-from tdint.campaign.engine.cluster import do_with
+from tdint.analysis.assessment.order import _plain_march, _yielding_faults, check_law, check_method
+from tdint.analysis.chart.problem import Problem, _cache_file
+from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.building.sources import closure
 from tdint.kernels.laws import LAWS as NUMBERED
-from tdint.kernels.laws import OURS
+from tdint.kernels.laws import OURS, gap
 from tdint.methods import catalogue as methods
-from tdint.model import laws
+from tdint.model import definition
 from tdint.model.plugins import files_to_send
 from tdint_cli.main import cli
 
@@ -38,11 +40,11 @@ from tdint_cli.main import cli
 def forgotten():
     """What a test registers is forgotten after it."""
     yield
-    for known in (laws.LAWS, laws.CODES):
+    for known in (definition.LAWS, definition.CODES):
         for name in list(known)[OURS:]:
             del known[name]
     del NUMBERED[OURS:]
-    for cached in (methods._known, methods.catalogue, laws.laws):
+    for cached in (methods._known, methods.catalogue, definition.laws):
         cached.cache_clear()
     for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
         del sys.modules[name]
@@ -105,6 +107,79 @@ def test_a_false_declaration_is_told(verlet):
     assert "stable up to omega dt 2.2, measured is 2;" in limit
 
 
+MISTAKES = {
+    "its laws are never committed": (
+        "        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)\n", "", "where 2 is due",
+    ),
+    "dissipation is not added up": (
+        "commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)",
+        "law_state.adopt(law_parameters, springs, i, at.FIRST_TRIAL)", "out of balance",
+    ),
+    "too few rows of work": ("lambda modes: ROWS", "lambda modes: 2", "row 3 of work is used, 2 are declared"),
+    "too few rows of state": ("memory=(0, 1, 2)", "memory=(0, 1), state_rows=2", "row 2 of state is used, 2 are"),
+    "memory in scratch": (
+        "+ 0.5 * h * state[at.ACCELERATION, i])",
+        "+ 0.5 * h * work[A + 1, i])", "goes on otherwise in fresh rows of work",
+    ),
+    "a name that is not there": ("u - linear_terms", "v - linear_terms", "NameError: name 'v' is not defined"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake):
+    """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
+    before, after, told = MISTAKES[mistake]
+    text = verlet.read_text().replace(
+        "from tdint.kernels.stepping", "from tdint.kernels.stories import law_state\nfrom tdint.kernels.stepping"
+    )
+    assert before in text
+    text = text.replace(before, after)
+    if mistake == "memory in scratch":
+        text = text.replace("= a\n", "= work[A + 1, i] = a\n").replace("ROWS = range(5)", "_, ROWS = range(6)")
+    tdint.load_plugin(str(outside(tmp_path, text)))
+    integrator = methods.parse("verlet")
+    try:
+        _plain_march("linear", integrator, 1)
+        faults = [*_yielding_faults(integrator).values()]
+    except AnalysisError as error:
+        faults = [str(error)]
+    assert sum(told in fault for fault in faults) == 1, faults
+    if "of work is used" in told or "NameError" in told:
+        assert re.match(rf"{tmp_path}/outside_plugin\.py:\d+: ", faults[0])
+
+
+@pytest.mark.slow
+def test_ours_make_none_of_them():
+    """Methods of each kind: several stages, several steps, without iterations, of order 2 and more."""
+    for name in ("bathe", "park", "chang", "rk5", "gauss4"):
+        assert _yielding_faults(methods.parse(name)) == {}
+
+
+def test_a_branch_that_is_set_in_part_is_told(tmp_path):
+    """The law `gap`, which forgets where a branch ends downwards: compiled it would go on in silence."""
+    text = Path(gap.__file__).read_text().replace('"gap",\n', '"half-gap",\n')
+    text = (
+        text.replace("put_on_branch(springs, i, block, ", "half(springs, i, block, ")
+        + """
+from tdint.kernels.compiling import inlined
+
+LAWS = (LAW,)
+
+
+@inlined
+def half(springs, i, block, slope, lower, upper, turn):
+    springs[block + at.SLOPE, i] = slope
+    springs[block + at.UPPER, i] = upper
+"""
+    )
+    tdint.load_plugin(str(outside(tmp_path, text)))
+    story = {"mass": 1e4, "stiffness": 3e7, "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8}}
+    (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
+    assert "its branches (`enter`, `switch`, `advance`) lead to" in fault and "put_on_branch" in fault
+    whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
+    assert check_law(whole, 1) == []
+
+
 @pytest.fixture
 def of_the_law(tmp_path, hyperbolic):
     """The README's model of its law."""
@@ -160,7 +235,7 @@ def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
 FAULTS = {
     "def f(:\n": "outside_plugin.py:1: SyntaxError: ",
     "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
-    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS or LAWS; this one has neither",
+    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS or PEERS; this one has none",
     "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
@@ -208,12 +283,14 @@ def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
 def test_what_cannot_be_compiled_names_the_file_and_where_it_is_known_the_line(tmp_path, verlet):
     before = "n = linear_terms.shape[1] - 1"
     line = verlet.read_text().partition(before)[0].count("\n") + 1
-    for number, (change, at) in enumerate({"n = nothing_of_this_name": "", before[:-1] + "'a'": f":{line}"}.items()):
+    for number, (change, at) in enumerate(
+        {"n = nothing_of_this_name": f":{line}", before[:-1] + "'a'": f":{line}"}.items()
+    ):
         text = verlet.read_text().replace(before, change).replace('"verlet"', f'"verlet-{number}"')
         file = outside(tmp_path, text, f"outside_{number}")
         tdint.load_plugin(str(file))
         with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}{at}: ") as caught:
-            check_method(methods.parse(f"verlet-{number}"))
+            tdint.stability(f"verlet-{number}", [0.1])
         assert "nothing_of_this_name" in str(caught.value) or "No implementation of function" in str(caught.value)
 
 
@@ -228,7 +305,7 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
 
 
 def test_a_law_of_no_file_is_refused():
-    law = laws.LAWS["tanh"]
+    law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
     with pytest.raises(UsageError, match="a file that another process can execute"):
         tdint.register_law(alone)
@@ -263,9 +340,13 @@ def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic):
         story = {{"mass": 1.0, "stiffness": 1.0, "law": {{"type": "hyperbolic", "strength": 1.0}}}}
         print(load_model({{"stories": [story]}}).stories[0].law)
         print(parse("verlet").label, list(catalogue())[-1])
+        from tdint.kernels.building.sources import CODE
+        print(*CODE["law hyperbolic"], *CODE["method verlet"], sep="; ")
     """
     done = subprocess.run([sys.executable, "-c", dedent(program)], capture_output=True, text=True, cwd=tmp_path)
-    assert done.stdout == "Law(name='hyperbolic', parameters=(1.0,))\nverlet verlet\n", done.stderr
+    law, method, code = done.stdout.splitlines()
+    assert (law, method) == ("Law(name='hyperbolic', parameters=(1.0,))", "verlet verlet"), done.stderr
+    assert code == "; ".join(f"outside-package 1.0: outside_package/{one.name}" for one in (hyperbolic, verlet))
     (warning,) = done.stderr.splitlines()
     assert warning.startswith(
         "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods (outside_package.nothing)"
@@ -314,6 +395,61 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet):
     assert float(order["displacement_order"]) == pytest.approx(2.0, abs=0.1)
 
 
+def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path):
+    """A store of runs with a law that was edited since, or with what it imports, is refused and named, by `campaign`,
+    `merge` and `ida`; another plug-in may be edited. Each call is a process of its own, as a user's is."""
+    (tmp_path / "helpers.py").write_text("FACTOR = 1.0\n")
+    imports = "import math\nimport sys\n\nsys.path.append('.')\nimport helpers\n"
+    text = hyperbolic.read_text().replace("import math\n", imports)
+    hyperbolic.write_text(text.replace("* drift / root", "* drift * helpers.FACTOR / root"))
+    unused = outside(tmp_path, verlet.read_text().replace('"verlet"', '"unused"'), "unused")
+    plugins = [word for name in ("verlet", "hyperbolic", "unused") for word in ("--plugin", f"{name}.py")]
+    environment = os.environ | {"TDINT_KERNELS": "python", "TDINT_CACHE_DIR": str(tmp_path / "cache")}
+
+    def call(*words):
+        return subprocess.run(
+            [sys.executable, "-m", "tdint", "-q", *words], capture_output=True, text=True, env=environment, cwd=tmp_path
+        )
+
+    study = ("campaign", "campaign.yaml", *plugins, "-o")
+    ida = ("ida", "shaken.yaml", "motion.txt", *plugins, "--method", "verlet", "--dt", "0.01", "-o")
+    for words in ((*study, "out"), (*ida, "levels")):
+        done = call(*words, *("--units", "m/s^2") * (words[0] == "ida"))
+        assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "out/summary.json").read_text())["versions"]["plugins"]
+    names = ("helpers.py", "hyperbolic.py", "verlet.py")
+    assert told == {name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names}
+    unused.write_text(unused.read_text() + "# edited\n")
+    assert call(*study, "out").returncode == 0
+    (tmp_path / "helpers.py").write_text("FACTOR = 0.5\n")
+    for words in ((*study, "out"), (*ida, "levels")):
+        refused = call(*words, *("--units", "m/s^2") * (words[0] == "ida"))
+        assert refused.returncode == 2 and "plug-in helpers.py: differs" in refused.stderr, refused.stderr
+        assert "-o, or --overwrite" in refused.stderr
+    assert call(*study, "new").returncode == 0
+    first, second = ((tmp_path / place / "runs.csv").read_text() for place in ("out", "new"))
+    assert first != second
+    merged = call("campaign", "merge", "out", "new", "-o", "all")
+    assert merged.returncode == 2 and "plug-in helpers.py: differs" in merged.stderr
+
+
+def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
+    """Not of another one with the same parameters, in the same file or in another. What a process has executed stays
+    that: an edited file is not taken for it."""
+    text = hyperbolic.read_text()
+    both = text.replace("LAWS = (LAW,)", "import dataclasses\nLAWS = (LAW, dataclasses.replace(LAW, name='second'))")
+    tdint.load_plugin(str(outside(tmp_path, both.replace('"hyperbolic",', '"first",'))))
+    files = []
+    for name in ("hyperbolic", "first", "second"):
+        law = replace(of_the_law.stories[0].law, name=name)
+        model = replace(of_the_law, stories=(replace(of_the_law.stories[0], law=law),))
+        files.append(_cache_file(Problem(model, None, 0.01, 8), 8))
+    assert len(set(files)) == 3
+    hyperbolic.write_text(text + "# edited\n")
+    with pytest.raises(UsageError, match="has changed since this process executed it"):
+        tdint.load_plugin(str(hyperbolic))
+
+
 def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
     """A process that knows neither file, as a Dask worker, gives the runs of this one."""
     for file in (verlet, hyperbolic):
@@ -330,3 +466,48 @@ def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
     assert len(do_with(sent, chunk).rows.runs) == 2
     with pytest.raises(UsageError, match=r"verlet\.py: a worker has executed another version"):
         do_with((("verlet.py", b"METHODS = ()"),), chunk)
+
+
+AGAIN = """
+import pickle, sys
+with open(sys.argv[1], "rb") as stream:
+    case, response = pickle.load(stream)
+import tdint
+print(repr(float(tdint.run_case(case).stories.peak_drift[0])), repr(float(response.stories.peak_drift[0])))
+"""
+
+
+@pytest.mark.parametrize("kind", ["method", "law"])
+def test_a_result_and_its_case_are_read_by_a_new_process(tmp_path, verlet, hyperbolic, of_the_law, kind):
+    """Which loads the plug-in by its file, if that is still the same."""
+    tdint.load_plugin(str(verlet if kind == "method" else hyperbolic))
+    linear = tdint.load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 100.0}]})
+    model, name = (linear, "verlet") if kind == "method" else (of_the_law, "central-difference")
+    record = tdint.make_record(np.sin(np.arange(50) * 0.1), dt=0.01, units="m/s^2")
+    case = tdint.prepare(model, record, method=name)
+    response = tdint.run_case(case)
+    (tmp_path / "kept").write_bytes(pickle.dumps((case, response)))
+    command = [sys.executable, "-c", AGAIN, str(tmp_path / "kept")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    peak = repr(float(response.stories.peak_drift[0]))
+    assert done.stdout.split() == [peak, peak]
+    file = verlet if kind == "method" else hyperbolic
+    file.write_text(file.read_text() + "# another one\n")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"this is of the plug-in {file}, which is another one by now: load the one" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("class Odd(BaseException): pass\nraise Odd('so')", "2: Odd: so"),
+        ("raise SystemExit(3)", "1: SystemExit: 3"),
+        ("class Odd(Exception):\n    def __str__(self): raise KeyError(1)\nraise Odd", "3: Odd: without a word"),
+    ],
+)
+def test_whatever_it_raises_is_told_in_a_line(tmp_path, text, said):
+    (tmp_path / "odd.py").write_text(text)
+    with pytest.raises(UsageError, match=f"odd.py:{said}"):
+        tdint.load_plugin(str(tmp_path / "odd.py"))

@@ -1,7 +1,5 @@
 """Power-law dashpots: every method that takes them, against a linear dashpot, DOP853 and its own order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -87,8 +85,3 @@ def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
 def test_methods_made_for_linear_damping_refuse(name):
     with pytest.raises(AnalysisError, match="takes no power-law dashpots"):
         run(model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)), method=name, dt=0.01, duration=0.1)
-
-
-def test_exact_is_for_linear_buildings():
-    with pytest.raises(AnalysisError, match="linear buildings only"):
-        run(model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)), method="exact", dt=0.01, duration=0.1)

@@ -1,7 +1,5 @@
 """Every method of ours has its publications in full, as its source names them."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

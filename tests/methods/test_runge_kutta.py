@@ -1,7 +1,5 @@
 """The Runge-Kutta methods: the compiled steps against their stability functions and dense formulas."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -10,18 +8,9 @@ import numpy as np
 import pytest
 
 from building_cases import Law, noise, oscillator, ten_bilinear
-from step_checks import (
-    RAYLEIGH,
-    TOO_LARGE,
-    SingleSteps,
-    building,
-    load,
-    matrices,
-    orders,
-    period_error_and_damping,
-)
-from tdint.analysis.run.amplification import amplification, spectral_radius
+from step_checks import RAYLEIGH, SingleSteps, building, load, matrices
 from tdint.analysis.run.run import run
+from tdint.analysis.run.workspace import amplification
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
@@ -159,47 +148,6 @@ def test_building_follows_the_formulas(method, nonlinear):
     np.testing.assert_allclose(history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:])))
 
 
-@pytest.mark.parametrize("case", ["linear", "cubic"])
-@pytest.mark.parametrize(("method", "order", "steps"), [("rk5", 5, 160), ("gauss4", 4, 160)])
-def test_order_of_displacement_velocity_and_acceleration(method, order, steps, case):
-    assert parse(method).order == order
-    np.testing.assert_allclose(orders(method, case, steps), order, atol=0.1)
-
-
-# Measured with an independent implementation, in percent, to the digits given
-@pytest.mark.parametrize(
-    ("method", "period_error", "damping"),
-    [("rk5", -0.003, 0.0016), ("gauss4", 0.021, 0.0)],
-)
-def test_period_error_and_numerical_damping(method, period_error, damping):
-    got = period_error_and_damping(method)
-    assert got[0] == pytest.approx(period_error, abs=0.0005)
-    assert got[1] == pytest.approx(damping, abs=0.00005)
-
-
-def test_gauss4_is_stable_at_every_frequency_and_keeps_the_amplitude():
-    integrator = parse("gauss4")
-    omega_h = np.logspace(-2.0, 6.0, 200)
-    np.testing.assert_allclose(spectral_radius(integrator, omega_h, np.zeros(200), 1.0), 1.0, atol=1e-12)
-    assert np.max(spectral_radius(integrator, omega_h, np.full(200, 0.05), 1.0)) < 1.0
-    assert integrator.stability_limit == math.inf
-    assert integrator.rho_inf == 1.0
-    assert integrator.implicit
-
-
-def test_rk5_is_stable_up_to_its_limit():
-    integrator = parse("rk5")
-    limit = integrator.stability_limit
-    assert limit == pytest.approx(0.9972, abs=5e-5)
-    assert not integrator.implicit
-    assert math.isnan(integrator.rho_inf)
-    below, above = np.linspace(0.05, 0.9999, 50) * limit, np.array([1.0001, 1.01, 2.0]) * limit
-    assert np.max(spectral_radius(integrator, below, np.zeros(50), 1.0)) <= 1.0
-    assert np.min(spectral_radius(integrator, above, np.zeros(3), 1.0)) > 1.0 + 1e-8
-    damped = spectral_radius(integrator, np.array([2.402, 2.404]), np.full(2, 0.05), 1.0)
-    assert damped[0] < 1.0 < damped[1]
-
-
 @pytest.mark.parametrize(
     ("table", "limit"),
     [
@@ -252,15 +200,6 @@ def test_gauss4_takes_one_solve_where_nothing_yields():
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
     assert response.halvings == 0
     assert response.iterations < 1.02 * response.steps
-
-
-def test_gauss4_step_without_solution_leaves_everything_as_it_was():
-    steps = SingleSteps("gauss4")
-    assert steps.take(1.0, 2.0) > 0
-    before = steps.memory()
-    assert steps.take(TOO_LARGE, TOO_LARGE) == at.NOT_CONVERGED
-    np.testing.assert_array_equal(steps.memory(), before)
-    assert steps.take(2.0, 1.0) > 0
 
 
 @pytest.mark.parametrize(("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))])

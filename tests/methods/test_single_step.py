@@ -1,7 +1,5 @@
 """Roots at infinity of the single-step methods: what `tdint methods` prints must not hang on how they are computed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Buildings of stories that pinch, soften and fail: order 4, energy, two routes, collapse at its time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,13 +1,11 @@
 """omega h = sqrt(12): the printed formulas of the impulse method divide by zero there, the step must not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from building_cases import RayleighRatio, model, noise, oscillator, story
 from tdint import run
-from tdint.analysis.run.amplification import amplification
+from tdint.analysis.run.workspace import amplification
 from tdint.methods.catalogue import parse
 
 

@@ -1,7 +1,5 @@
 """Buildings of capacity curves: the rules against a second statement of them, periods, files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,9 +9,8 @@ from scipy.linalg import eigh
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
-from tdint.model.inventory.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes, read_curve
-from tdint.model.inventory.derive import derive_all, model_text
-from tdint.model.inventory.table import read_inventory
+from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes, read_curve
+from tdint.model.inventory import derive_all, model_text, read_inventory
 
 DEMO = CapacityCurve((0.00060789, 0.00486316, 0.0242, 0.04353684), (0.103152, 0.20630401, 0.12378241, 0.12502023))
 THREE = CapacityCurve((0.01, 0.03, 0.12), (0.2, 0.3, 0.25))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from model.test_config import EVERYTHING
 from tdint.errors import ModelError
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
@@ -65,28 +66,7 @@ NOT_NUMBERS = [
     ("{a: 1}", "a mapping"),
     ("9" * 60 + "x", f"'{'9' * 37}...'; write the number alone"),
 ]
-MODEL = """\
-name: office
-units: {length: cm, force: kN, mass: t}
-stories:
-  - &a {mass: 200, height: 400, stiffness: 3.5e3}
-  - repeat: 2
-    mass: 150
-    height: 350
-    stiffness: 3E3
-    law: {type: bilinear, yield_force: 2.5e3, hardening: 0.03}
-    dashpot: 2
-  - {mass: 100, height: 350, law: {type: polynomial, coefficients: [2e3, -3, 4.0]}}
-damping: {rayleigh: {ratio: [0.02, 0.05], modes: [1, 3]}}
-p_delta: true
-excitation:
-  record: {file: x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml}
-  forces: [{floor: 1, amplitude: 500, omega: 25, phase: cos}]
-initial: {displacement: [0.1, 0, 0, -2], velocity: [0, 1, 0, 0]}
-analysis: {method: impulse4, dt: 0.01, duration: 40}
-collapse_drift: 0.05
-"""
-KEYS = sorted({*re.findall(r"(\w+):", MODEL), "modal"})
+KEYS = sorted({*re.findall(r"(\w+):", EVERYTHING), "modal"})
 ATOMS = ["", "0", "-1", "3", "0.5", "1e9", "1e999", "012", "1:30", "true", "no", "null", "none", "linear", "bilinear"]
 ATOMS += ["polynomial", "m", "kN", "t", "cos", "sin", "'1'", "99999999999999999999"]
 SIGNS = [*"-:,[]{}#&*!|>'\"%@`?~", "---", "...", "<<", "*a", "&a ", "!!int ", "!x "]
@@ -156,25 +136,6 @@ def test_any_text(text: str) -> None:
     st.lists(st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40).map("".join)
 )
 def test_any_words(text: str) -> None:
-    check(text)
-
-
-@st.composite
-def damaged_models(draw: st.DrawFn) -> str:
-    text = MODEL
-    for _ in range(draw(st.integers(1, 4))):
-        start = draw(st.integers(0, len(text)))
-        length = draw(st.sampled_from([0, 0, 1, 3, 20]))
-        text = (
-            text[:start] + draw(st.sampled_from([*ATOMS, *SIGNS, "\n", " ", "\t", "\0", "é"])) + text[start + length :]
-        )
-    return text
-
-
-@settings(max_examples=200, deadline=None)
-@given(damaged_models())
-@example(MODEL)
-def test_any_damaged_model(text: str) -> None:
     check(text)
 
 

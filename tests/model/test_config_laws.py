@@ -1,7 +1,5 @@
 """What a model file says of the laws that soften and pinch."""
 
-from __future__ import annotations
-
 import io
 import math
 
@@ -18,7 +16,7 @@ NUMBERS = "a positive number for all of strength, capping, reloading, unloading,
 
 def law(text: str) -> tuple[float, ...]:
     """Parameters of the law of a story with k = 1 kN/mm, in SI."""
-    model = f"units: {{force: kN, length: mm}}\nstories: [{{mass: 1, stiffness: 1, law: {{{text}}}}}]"
+    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, stiffness: 1, law: {{{text}}}}}]"
     return load_model(io.StringIO(model)).stories[0].law.parameters
 
 
@@ -87,7 +85,7 @@ POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
 
 def stiffness_of_its_own(text: str) -> tuple[float, ...]:
     """Parameters of the law of a story that leaves its stiffness to the law, in SI."""
-    model = f"units: {{force: kN, length: mm}}\nstories: [{{mass: 1, law: {{{text}}}}}]"
+    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, law: {{{text}}}}}]"
     (story,) = load_model(io.StringIO(model)).stories
     assert story.stiffness == pytest.approx(story.law.parameters[1] / story.law.parameters[0], rel=1e-15)
     return story.law.parameters

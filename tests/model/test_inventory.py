@@ -1,7 +1,5 @@
 """Buildings from an inventory: the rules against numbers worked out by hand, and what is wrong with rows."""
 
-from __future__ import annotations
-
 import io
 import math
 
@@ -13,18 +11,8 @@ from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
-from tdint.model.inventory.derive import derive_all, model_text
-from tdint.model.inventory.mdof_lu import (
-    LEVELS,
-    STRUCTURES,
-    ZONES,
-    BuildingFacts,
-    derive,
-    design_level,
-    hazus_type,
-    hazus_types,
-)
-from tdint.model.inventory.table import read_inventory
+from tdint.model.inventory import derive_all, model_text, read_inventory
+from tdint.model.mdof_lu import LEVELS, STRUCTURES, ZONES, BuildingFacts, derive, design_level, hazus_type, hazus_types
 from tdint.units import LENGTH
 
 WRONG = "type: C9, stories: 51, year: 1, area: 0"
@@ -193,10 +181,7 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (
-            "id,NumberOfStorys,YearBuilt,StructureType,PlanArea",
-            "no column NumberOfStories; did you mean it by",
-        ),
+        ("id,NumberOfStorys,YearBuilt,StructureType,PlanArea", "no column NumberOfStories; did you mean it by"),
         ("id,id,NumberOfStories,YearBuilt,StructureType,PlanArea", "b.csv:1: the column id is there twice"),
         ("", "b.csv: is empty"),
     ],

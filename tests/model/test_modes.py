@@ -1,7 +1,5 @@
 """Single frequencies of tall buildings against their closed form, and what does not fit into memory."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -40,7 +38,6 @@ def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypa
 def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
     with pytest.raises(
-        ModelError,
-        match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give",
+        ModelError, match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give"
     ):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))

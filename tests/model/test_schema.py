@@ -1,7 +1,5 @@
 """The JSON schema of model files: what runs is valid, and what it refuses, the reader refuses, too."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

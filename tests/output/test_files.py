@@ -1,15 +1,20 @@
 """Files are written whole or not at all, and never over another without leave."""
 
-from __future__ import annotations
-
 import errno
+import json
+import logging
 import os
+import subprocess
+import sys
+import time
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 
 from tdint.errors import OutputError
-from tdint.files import check_outputs, write_file, write_files
+from tdint.files import KEPT, check_outputs, keep_input, refuse_kept, remove_abandoned, write_file, write_files
+from tdint.system import process_start, this_host
 
 
 def writes(content: bytes):
@@ -164,8 +169,93 @@ def test_a_folder_without_permission_is_named_before_the_work(tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_stale_files_go_only_with_overwrite(tmp_path, overwrite):
-    stale = tmp_path / "old.csv"
+def test_stale_files_go_only_with_overwrite_and_as_they_were_written(tmp_path, overwrite):
+    stale, other, link = tmp_path / "old.csv", tmp_path / "other.csv", tmp_path / "link.csv"
     stale.write_bytes(b"old")
-    write_files({tmp_path / "a.csv": writes(b"x")}, overwrite=overwrite, stale=[stale, tmp_path / "never.csv"])
-    assert names(tmp_path) == (["a.csv"] if overwrite else ["a.csv", "old.csv"])
+    other.write_bytes(b"mine")
+    link.symlink_to(other)
+    as_written = dict.fromkeys([stale, other, tmp_path / "never.csv"], sha256(b"old").hexdigest())
+    as_written[link] = sha256(b"mine").hexdigest()
+    write_files({tmp_path / "a.csv": writes(b"x")}, overwrite=overwrite, stale=as_written)
+    left = ["a.csv", "link.csv", "other.csv"]
+    assert names(tmp_path) == (left if overwrite else sorted([*left, "old.csv"]))
+
+
+def test_the_last_file_is_made_of_the_digests_of_the_others(tmp_path):
+    first, packed, last = tmp_path / "a.csv", tmp_path / "b.csv.gz", tmp_path / "c.json"
+    made = []
+    write_files(
+        {first: b"x", packed: b"y"},
+        overwrite=False,
+        last=(last, lambda digests: json.dumps({one.name: sha for one, sha in digests.items()}).encode()),
+        tell=made.append,
+    )
+    said = json.loads(last.read_bytes())
+    assert said == {one.name: sha256(one.read_bytes()).hexdigest() for one in (first, packed)}
+    assert made == [{one: sha256(one.read_bytes()).hexdigest() for one in (first, packed, last)}]
+
+
+@pytest.fixture
+def reading():
+    """As within a command, which is never to write what it reads."""
+    before = KEPT.set({})
+    yield
+    KEPT.reset(before)
+
+
+@pytest.mark.usefixtures("reading")
+def test_what_is_read_is_never_written_or_removed(tmp_path):
+    model, link, hard, other = (tmp_path / name for name in ("m.yaml", "link", "hard", "other"))
+    model.write_bytes(b"mine")
+    link.symlink_to(model)
+    hard.hardlink_to(model)
+    other.write_bytes(b"old")
+    for read in (link, hard, model):
+        KEPT.set({})
+        keep_input(read)
+        for file in (model, link, hard, tmp_path / "." / "m.yaml"):
+            with pytest.raises(OutputError, match="is read by this command"):
+                write_files({other: b"new", file: b"new"}, overwrite=True)
+            with pytest.raises(OutputError, match="is read by this command"):
+                refuse_kept([file])
+    assert (model.read_bytes(), other.read_bytes()) == (b"mine", b"old")
+    write_files({other: b"new"}, overwrite=True, stale={model: sha256(b"mine").hexdigest()})
+    assert model.read_bytes() == b"mine"
+
+
+WAITS = """
+import sys, time
+from pathlib import Path
+from tdint.files import write_file
+
+def wait(stream):
+    print("half", flush=True)
+    time.sleep(60)
+
+write_file(Path(sys.argv[1]), wait, overwrite=False)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, caplog):
+    caplog.set_level(logging.INFO, logger="tdint.files")
+    command = [sys.executable, "-c", WAITS, str(tmp_path / "a.csv")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout is not None and writer.stdout.readline() == "half\n"
+        (theirs,) = names(tmp_path)
+        assert str(writer.pid) in theirs and this_host() in theirs
+        again = theirs.replace(f"-{process_start(writer.pid)}-", "-1-")  # a process that had this number before
+        far, old = theirs.replace(this_host(), "far.0a1b2c3d"), ".tdint-0123456789abcdef.tmp"
+        for name in (again, far, old):
+            (tmp_path / name).write_bytes(b"half")
+        remove_abandoned(tmp_path)
+        assert (names(tmp_path), caplog.messages) == (sorted([theirs, far, old]), [])
+        for name in (theirs, far, old):
+            os.utime(tmp_path / name, (0.0, time.time() - 8 * 86400.0))
+        remove_abandoned(tmp_path)
+        assert names(tmp_path) == sorted([theirs, far, old])
+        assert len(caplog.messages) == 2
+        assert all("older than a week" in text and theirs not in text for text in caplog.messages)
+        writer.kill()
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == sorted([far, old])

@@ -1,7 +1,5 @@
 """Results as columns by name, short lines and tables for notebooks; records of what is in memory."""
 
-from __future__ import annotations
-
 import csv
 import io
 import pickle
@@ -11,9 +9,8 @@ import pytest
 
 import tdint
 from tdint.errors import RecordError, UsageError
-from tdint.output.tables.buildings import mode_table
-from tdint.output.tables.responses import history_columns, story_table, write_history
-from tdint.output.tables.spectra import spectrum_table
+from tdint.output.tables.buildings import history_columns, mode_table, story_table, write_history
+from tdint.output.tables.spectra import result_table
 from tdint.units import STANDARD_GRAVITY
 
 STORY = {
@@ -52,7 +49,7 @@ def test_columns_are_those_of_the_tables(response):
     np.testing.assert_array_equal(told["corrected_peak_drift_m"], carried.check.corrected.peak_drift)
     same_as_table(response.stories.to_dict(), story_table(response.stories))
     spectrum = tdint.spectrum(response.record, np.array([0.5, 1.0]))
-    same_as_table(spectrum.to_dict(), spectrum_table([spectrum]))
+    same_as_table(spectrum.to_dict(), result_table([spectrum]))
     modes = tdint.modes(response.model)
     same_as_table(modes.to_dict(), mode_table(modes, modes.damping))
     assert modes.damping == pytest.approx([0.05, 0.05])
@@ -170,3 +167,44 @@ def test_streams_that_say_too_little():
         tdint.make_record(two[0], units="g", dt=0.01)
     with pytest.raises(RecordError, match="the stream has no traces"):
         tdint.make_record(Stream(), units="g")
+
+
+def test_runs_as_frames_arrays_and_parquet(tmp_path):
+    """Of runs with draws, errors and a history: each by its package, skipped where that is not installed."""
+    building = tdint.load_model(
+        {"stories": [{"mass": 2e5, "height": 3.0, "stiffness": 1e8, "repeat": 2}], "damping": "5%"}
+    )
+    record = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
+    more = {"vary": {"stories[2].mass": [1e5, 2e5, 3e5]}, "scales": [1.0, 2.0], "method": "moment4"}
+    file = tmp_path / "runs.parquet"
+    for package, call in {
+        "pandas": lambda runs: runs.to_pandas(),
+        "xarray": lambda runs: runs.to_xarray(),
+        "pyarrow": lambda runs: runs.to_parquet(file),
+    }.items():
+        runs = tdint.run_many(building, record, history="drift", check=True, **more)
+        try:
+            __import__(package)
+        except ImportError:
+            with pytest.raises(UsageError, match=f"{package}: pip install"):
+                call(runs)
+            continue
+        found = call(runs)
+        if package == "pandas":
+            assert list(found["stories[2].mass"]) == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5] and len(found) == 6
+        elif package == "xarray":
+            assert dict(found.sizes) == {"run": 6, "time": 100, "story": 2}
+            peaks = found.peak_drift.where(found["stories[2].mass"] == 2e5, drop=True)
+            np.testing.assert_array_equal(peaks, runs.stories.peak_drift[2:4])
+            assert found.drift.attrs["units"] == "m" and found.peak_drift_error.shape == (6, 2)
+        else:
+            from pyarrow import parquet
+
+            table = parquet.read_table(file)
+            np.testing.assert_array_equal(table["peak_drift_m"].to_numpy(), runs.to_dict()["peak_drift_m"])
+            assert table.schema.field("peak_drift_m").metadata[b"unit"] == b"m"
+            again = tmp_path / "again.parquet"
+            tdint.run_many(building, record, check=True, out=again, **more)
+            assert parquet.read_table(again).equals(table)
+    with pytest.raises(UsageError, match="parquet"):
+        tdint.run_many(building, record, out="runs.csv")

@@ -1,7 +1,5 @@
 """Output in other units than SI: names, numbers, meanings; and back."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,15 +9,13 @@ from hypothesis import strategies as st
 
 from tdint.errors import UsageError
 from tdint.output.summary import in_units
-from tdint.output.tables import buildings, responses, spectra
+from tdint.output.tables import buildings, spectra
 from tdint.output.tables.table import TEXT, Column, Table, describe
-from tdint.output_units import SI, OutputUnits, parse_output_units
-from tdint.quantity import suffix
-from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
+from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, SI, OutputUnits, parse_output_units, suffix
 
 US = parse_output_units("kip,in,g")
 EVERY = (
-    *(*responses.STORY, *responses.STORY_ERROR, *responses.STORY_CORRECTED, *responses.HISTORY_ENERGY),
+    *(*buildings.STORY, *buildings.STORY_ERROR, *buildings.STORY_CORRECTED, *buildings.HISTORY_ENERGY),
     *(*spectra.SPECTRUM, *buildings.CYCLIC),
 )
 
@@ -143,4 +139,4 @@ def test_units_that_are_none(text: str, message: str) -> None:
 def test_spelling_is_free_where_it_is_plain() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
-    assert describe(responses.STORY)["peak_shear_N"]["unit"] == "N"
+    assert describe(buildings.STORY)["peak_shear_N"]["unit"] == "N"

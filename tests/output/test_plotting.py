@@ -1,7 +1,5 @@
 """Pictures from Python: figures of every result, main panels on axes of the caller, files."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
@@ -34,8 +32,9 @@ def results():
         "run": tdint.run(model, record, history=True),
         "peaks": tdint.run(model, record),
         "modes": tdint.modes(model),
-        "law": tdint.law(model, 1, ["1%"]),
+        "law": tdint.cyclic_test(model, 1, ["1%"]),
         "pushover": tdint.pushover(model, "1%"),
+        "target displacements": tdint.target_displacements(tdint.pushover(model, "4%"), "asce7:sds=0.2,sd1=0.1,tl=8"),
         "spectrum": tdint.spectrum(record, PERIODS),
         "inelastic": tdint.constant_ductility(record, PERIODS[-3:], [2.0]),
         "drifts": tdint.drift_spectrum(record, PERIODS),
@@ -90,7 +89,7 @@ def test_what_is_drawn_is_the_result(results):
 def test_print(results, tmp_path):
     file = tmp_path / "a.pdf"
     both = [results["stability"], tdint.stability("wilson", np.geomspace(0.01, 1.0, 20))]
-    figure = tdint.plot(both, file=file, width=0.09, title=False, labels={"hht": "present method"})
+    figure = tdint.plot(both, file=file, width=0.09, title=False, label={"hht": "present method"})
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
     assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
     once_more = tdint.plot(results["stability"])
@@ -123,7 +122,7 @@ def test_pyplot_is_left_alone():
 
 
 def test_words_at_ticks_are_those_of_print(results):
-    figure = tdint.plot([results["order"], tdint.order("moment4")], width=0.09, labels={"moment4:rho_inf=1": "present"})
+    figure = tdint.plot([results["order"], tdint.order("moment4")], width=0.09, label={"moment4:rho_inf=1": "present"})
     figure.draw_without_rendering()
     assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["hht:α=-0.05", "present"]
 
@@ -137,3 +136,17 @@ def test_no_legend_is_wider_than_the_page(results, name):
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
+
+
+def test_a_notebook_shows_a_figure_without_pyplot(results):
+    """What IPython asks the last value of a cell for: a picture, the same each time."""
+    figure = results["spectrum"].plot()
+    shown = figure._repr_png_()
+    assert shown.startswith(b"\x89PNG") and int.from_bytes(shown[16:20], "big") == round(100 * figure.get_figwidth())
+    assert figure._repr_png_() == shown
+    code = (
+        "import sys, tdint; r = tdint.make_record([0.0, 1.0, 0.0], dt=0.01, units='m/s^2');"
+        "print(len(r.plot()._repr_png_()) > 1000, 'matplotlib.pyplot' in sys.modules)"
+    )
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert printed.stdout.split() == ["True", "False"], printed.stderr

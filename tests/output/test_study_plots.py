@@ -1,7 +1,5 @@
 """Pictures of studies: one record and many, nothing collapsed, nothing known; names that look like formulas."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -9,18 +7,17 @@ import numpy as np
 import pytest
 
 from building_cases import model, story
+from tdint.analysis.spectra.target import TargetSpectrum
 from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.ida.curve import IdaCurve, IdaRun
-from tdint.campaign.ida.study import IdaStudy
-from tdint.campaign.suites.intensity import MotionIntensity, pga, sa, sa_average
-from tdint.campaign.suites.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
-from tdint.campaign.suites.target import TargetSpectrum
+from tdint.campaign.ida import IdaStudy
+from tdint.campaign.ida_curve import IdaCurve, IdaRun
+from tdint.campaign.intensity import MotionIntensity, pga, sa, sa_average
+from tdint.campaign.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
 from tdint.files import write_file
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.output.figures.collapse import fragility_picture, ida_picture
+from tdint.output.figures.collapse import fragility_picture, ida_picture, suite_picture
 from tdint.output.figures.style import picture
-from tdint.output.figures.suites import suite_picture
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
 

@@ -1,7 +1,5 @@
 """summary.json: valid JSON, null for what is no number, hashes of the inputs."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """CSV: columns, digits, empty cells, names with commas; the history's fast way gives the same text."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -21,10 +19,9 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
-from tdint.output.tables import buildings, methods, responses, spectra
+from tdint.output.tables import buildings, methods, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
-from tdint.output_units import parse_output_units
-from tdint.quantity import suffix
+from tdint.units import parse_output_units, suffix
 
 
 def read(data: bytes) -> list[list[str]]:
@@ -68,8 +65,8 @@ def test_text_is_quoted_where_needed_and_is_utf8():
     assert Table(("name", "n"), [("x", 1)]).csv(header=False) == b"x,1\n"
 
 
-def test_a_file_name_that_is_not_utf8_keeps_its_bytes():
-    assert Table(("record",), [(b"\xff.mseed".decode("utf-8", "surrogateescape"),)]).csv() == b"record\n\xff.mseed\n"
+def test_a_file_name_that_is_not_utf8_is_written_out():
+    assert Table(("record",), [(b"\xff.mseed".decode("utf-8", "surrogateescape"),)]).csv() == b"record\n\\xff.mseed\n"
 
 
 def test_story_table():
@@ -87,7 +84,7 @@ def test_story_table():
         peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )
-    assert responses.story_table(peaks).csv().decode() == (
+    assert buildings.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
         "peak_total_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
@@ -103,7 +100,7 @@ def spectrum(rec: Record, damping: float) -> Spectrum:
 
 
 def test_spectrum_table():
-    assert spectra.spectrum_table([spectrum(record(), 0.05)]).csv().decode() == (
+    assert spectra.result_table([spectrum(record(), 0.05)]).csv().decode() == (
         "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2\n"
         "a.mseed,HNE,0.05,0.1,0.1,0.2,0.3,0.4,0.5\n"
         "a.mseed,HNE,0.05,1,1,2,3,4,5\n"
@@ -147,11 +144,11 @@ def test_mode_table():
 @pytest.mark.parametrize("stories", [1, 3])
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
-    monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
+    monkeypatch.setattr(buildings, "_ROWS_AT_ONCE", rows_at_once)
     whole = history(5, stories)
     whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
     stream = io.BytesIO()
-    responses.write_history(whole, stream)
+    buildings.write_history(whole, stream)
     rows = read(stream.getvalue())
     floors = [
         f"floor_{i}_{x}"
@@ -203,7 +200,7 @@ def test_every_column_says_what_it_is_and_in_which_unit():
     for column in every:
         own = [unit for unit in UNITS if column.name.removesuffix("_error").endswith(suffix(unit))]
         assert column.unit in (max(own, key=lambda unit: len(suffix(unit))) if own else "1", TEXT), column
-    table = spectra.spectrum_table([spectrum(record(), 0.05)], stated=["maxima"])
+    table = spectra.result_table([spectrum(record(), 0.05)], asked=["maxima"])
     assert list(table.meanings) == list(table.columns)
     assert table.meanings["sa_m_s2"] == {"meaning": "largest absolute acceleration", "unit": "m/s^2"}
     assert "unit" not in table.meanings["maxima"]
@@ -214,8 +211,22 @@ def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
     for text, cell in (
         ("HNE", "HNE"), ("-", "-"), ("-1.5", "-1.5"), ("+3", "+3"), ("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"),
         ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"), ("a\x1b[2Jb", "a\\x1b[2Jb"), ("a\x9bb", "a\\x9bb"),
+        ("-2+3+cmd|' /C calc'!D2", "'-2+3+cmd|' /C calc'!D2"), ("-=1", "'-=1"), ("-@SUM(1)", "'-@SUM(1)"),
+        ("+1e-3", "+1e-3"), ("-.5", "-.5"), ("-1e", "'-1e"), ("--1", "'--1"), ("-1_0", "'-1_0"),
+        ("-\u0661", "'-\u0661"),
+        ("\t=1", "'\\t=1"), ("\r1", "'\\r1"), ("'=1", "'=1"), ("a=1", "a=1"), ("", ""), ("=", "'="),
+        ("b\udcfcro", "b\\xfcro"), ("b\udcc3\udcbcro", "b\xfcro"), ("a\ud800", "a\\ud800"),
     ):  # fmt: skip
         assert cell_text(text) == cell
+        table = Table((text, "b"), [(text, 1.0)])
+        assert table.csv().decode() == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
+
+
+def cell_of(text):
+    """As the csv module quotes it."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="").writerow([text, ""])
+    return stream.getvalue()[:-1]
 
 
 @pytest.mark.parametrize(

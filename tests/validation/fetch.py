@@ -7,8 +7,6 @@
 Files go to tests/validation/files (TDINT_VALIDATION_FILES names another folder); git leaves them out.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Cases of the page that need a file: shipped records, or what `fetch.py` gets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ from numpy.typing import NDArray
 
 import tdint
 from tdint.ground_motion.record import Record
-from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, ValidationCase
+from tdint.validation import MODEL, NUMERICAL, ROUNDING, ValidationCase
 
 Array = NDArray[np.float64]
 

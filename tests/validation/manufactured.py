@@ -6,8 +6,6 @@ law has a memory with kinks where the rate turns; no such series ends there, and
 DOP853 elsewhere (tests/kernels).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -30,10 +28,7 @@ _TERMS = 40
 _ROUNDING = 1e-13  # of the largest coefficient
 
 LAWS: Mapping[str, tuple[Mapping[str, Any], Callable[[Array], Array]]] = {
-    "polynomial": (
-        {"type": "polynomial", "coefficients": [40.0, 0.0, 900.0]},
-        lambda u: 40.0 * u + 900.0 * u**3,
-    ),
+    "polynomial": ({"type": "polynomial", "coefficients": [40.0, 0.0, 900.0]}, lambda u: 40.0 * u + 900.0 * u**3),
     "tanh": ({"type": "tanh", "strength": 3.0}, lambda u: 3.0 * np.tanh(40.0 * u / 3.0)),
 }
 

@@ -6,8 +6,6 @@ Steel01) and ten unequal ones, Rayleigh damping from the initial stiffness, aver
 make them anew, not to compare.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

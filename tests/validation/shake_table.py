@@ -1,7 +1,5 @@
 """A three-story model frame on a shake table: the shear building that was identified from it, beside its floors."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable
@@ -10,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from tdint.validation.case import ROUNDING, ValidationCase
+from tdint.validation import ROUNDING, ValidationCase
 
 STIFFNESS = (2374.36, 3105.67, 3825.10)  # over a mass of 1, from the base up, 1/s^2
 DAMPING = [0.0139, 0.0076, 0.0027]

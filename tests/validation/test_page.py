@@ -14,8 +14,7 @@ import pytest
 import run
 from file_cases import kaikoura_cases
 
-from tdint.validation.case import carry_out
-from tdint.validation.cases import closed_form_cases, textbook_cases
+from tdint.validation import carry_out, closed_form_cases, textbook_cases
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")

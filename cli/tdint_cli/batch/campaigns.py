@@ -2,29 +2,280 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from tdint.errors import UsageError
-from tdint.files import write_files
-from tdint.output import tables
-from tdint.output_units import SI, OutputUnits
+import click
+
+from tdint.errors import AnalysisError, OutputError, TdintError, UsageError
+from tdint.files import check_outputs, refuse_kept, write_files
+from tdint.output import figures, tables
+from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
-from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
+from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.errors import Failures
-from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
-from tdint_cli.terminal import note, progress_bar, say, warn
+from tdint_cli.options.grammar import BESIDE, Ratio
+from tdint_cli.options.output import check_picture
+from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
+from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Advance, Engine, Shard
     from tdint.campaign.plan import Plan
-    from tdint.campaign.store.store import Store
+    from tdint.campaign.profiles import FloorSuite, Profile
+    from tdint.campaign.store import Store
     from tdint.files import Content, Writer
+    from tdint.output.tables.table import Table
+
+
+# ---- What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts, buildings side by
+# side
+
+PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
+"""In the folder of -o."""
+
+
+class _DriftLimit(Ratio):
+    """A drift ratio below 1; scripts from the time when `--limit` of a campaign counted runs are told."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
+            self.fail(f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+LIMIT = options.analysis.option(
+    type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
+    metavar="2%",
+    help="Say whether the mean of the motions' largest drift ratios stays within this in every story; a line of the "
+    "picture, too.",
+)
+"""The option --limit."""
+
+
+REQUIRE = options.analysis.option(
+    is_flag=True,
+    needs="--limit",
+    help="End with exit code 5 unless it does, all runs are done, and none collapsed.",
+)
+"""The option --require, behind it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuiteRequest:
+    """What the command lines of many runs have in common: where and how they are written, in how many threads, a limit
+    of drifts, a baseline, intensities of the motions."""
+
+    output: str | None
+    overwrite: bool
+    output_units: OutputUnits | None
+    plot: str | None
+    report: str | None
+    report_head: tuple[tuple[str, str], ...] | None
+    limit: float | None
+    require: bool
+    jobs: int | None
+    of_floors: FloorRequest
+    baseline: str | None = None
+    im: tuple[str, ...] | None = None
+    by: str | None = None
+
+    def picture(self, folder: Path | None) -> Path | None:
+        """The file of the picture, if one is asked for.
+
+        Raises
+        ------
+        UsageError
+            It has no name, and there is no folder.
+        """
+        if self.plot is None:
+            return None
+        if self.plot != BESIDE:
+            check_picture(Path(self.plot))
+            return Path(self.plot)
+        if folder is None:
+            raise UsageError("--plot alone puts the picture into the folder of -o: add -o DIR, or name it")
+        return folder / PICTURE
+
+    def named_files(self, folder: Path | None, *, overwrite: bool) -> list[Path]:
+        """The picture and the page, if they are asked for, after it was seen that they can be written.
+
+        Raises
+        ------
+        UsageError
+            They cannot: so it is said before the work.
+        """
+        files = [self.picture(folder), Path(self.report) if self.report else None]
+        found = [file for file in files if file]
+        try:
+            check_outputs(found, overwrite=overwrite)
+        except OutputError as error:
+            raise UsageError(str(error)) from None
+        return found
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Those of a store, found once for all that is made of them."""
+
+    store: Store
+    request: SuiteRequest
+    units: OutputUnits
+
+    @cached_property
+    def found(self) -> list[Profile]:
+        """Of each building and level."""
+        from tdint.campaign.profiles import profiles
+
+        return list(profiles(self.store))
+
+    def ratios(self, *, stories: bool) -> Table:
+        """The buildings over the baseline.
+
+        Raises
+        ------
+        UsageError
+            There is no such building.
+        """
+        from tdint.campaign.profiles import ratios
+
+        self._need("--baseline")
+        return tables.campaign.ratio_table(self.store, ratios(self.found, self.request.baseline or ""), stories=stories)
+
+    def draw(self, file: Path) -> Content:
+        """The picture.
+
+        Raises
+        ------
+        AnalysisError
+            No stories were kept.
+        """
+        self._need("--plot")
+        limit, title = self.request.limit, self.store.meta("name")
+        draw = partial(figures.runs.profile_picture, self.found, self.units, limit=limit, title=title)
+        return figures.style.picture(file.suffix, draw)
+
+    def _need(self, option: str) -> None:
+        if not self.found:
+            raise AnalysisError(
+                f"{option}: the peaks of stories are not kept; give the campaign `outputs: {{profiles: true}}`"
+            )
+
+    def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
+        """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
+        models, if they agree."""
+        from tdint.files import READ
+        from tdint.output.report import Told, suite_page
+
+        request, limit = self.request, self.request.limit
+        said = [] if limit is None else [self._told(one, _verdict(one, limit)[0]) for one in self.found]
+        lost = [text for one in self.found if (text := self._lost(one))]
+        models = {one.source: one for one in plan.models}.values()
+        units, heads = {one.page_units for one in models}, {one.page_head for one in models}
+        told = Told(
+            said,
+            [*(str(error) for error in plan.failures), *lost],
+            request.report_head or (heads.pop() if len(heads) == 1 else ()),
+            [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()],
+        )
+        return suite_page(
+            plan,
+            self.store,
+            self.found,
+            told,
+            limit=limit,
+            ratios=self.ratios(stories=False) if request.baseline is not None else None,
+            floors=floors,
+            units=request.output_units or (units.pop() if len(units) == 1 else self.units),
+        )
+
+    def _told(self, one: Profile, text: str) -> str:
+        name = _name(one, self.found)
+        return f"{name}: {text[0].lower()}{text[1:]}" if name else text
+
+    def _lost(self, one: Profile) -> str:
+        """What the means of a building do not hold; nothing if it stood under every motion."""
+        lost = {"collapsed": one.collapsed, "failed": one.failed}
+        told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
+        if not told:
+            return ""
+        left = len(one.motions)
+        others = f"{left} others" if left > 1 else "other"
+        means = f"the means are those of the {others}" if left else "there is no mean"
+        name = _name(one, self.found) or one.building
+        return f"{name}: of {how_many(one.runs, 'motion')} {told}; {means}"
+
+    def tell(self) -> list[TdintError]:
+        """Say what means do not hold, and what the mean drifts are beside the limit; both of all runs alone, for a mean
+        over some of the motions would be taken for that of all.
+
+        Returns
+        -------
+        list of TdintError
+            That they are beyond, or not known yet, if that is required not to be.
+        """
+        limit = self.request.limit
+        every, done = int(self.store.meta("runs")), sum(self.store.statuses().values())
+        if done < every:
+            if limit is None:
+                return []
+            text = f"the drift limit of {100.0 * limit:g} % is not judged: {done} of {how_many(every, 'run')} are done"
+            if self.request.require:
+                return [AnalysisError(text)]
+            warn(text)
+            return []
+        for one in self.found:
+            if text := self._lost(one):
+                warn(text)
+        if limit is None:
+            return []
+        self._need("--limit")
+        beyond = []
+        for one in self.found:
+            text, within = _verdict(one, limit)
+            say(self._told(one, text))
+            beyond += [] if within else [_name(one, self.found) or one.building]
+        for kind, reasons in self.store.unused().items():
+            beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
+        if beyond and self.request.require:
+            return [AnalysisError(f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}")]
+        return []
+
+
+def _name(profile: Profile, among: list[Profile]) -> str:
+    """Building and level, as far as they tell it from others."""
+    parts = [profile.building] if len({one.building for one in among}) > 1 else []
+    levels = {(repr(one.scale), repr(one.level)) for one in among}
+    if len(levels) > 1:
+        parts.append(profile.level_text)
+    return ", ".join(parts)
+
+
+def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
+    """What the drifts of a building are beside a limit, and whether they are within."""
+    from tdint.campaign.profiles import check_drift
+
+    check = check_drift(profile, limit)
+    lost = profile.collapsed + profile.failed
+    if check is None:
+        return f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond", False
+    words = "within" if check.within else "beyond"
+    if lost:
+        words += f", for {lost} of {how_many(profile.runs, 'motion')} collapsed or failed"
+    text = (
+        f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: {words}; largest "
+        f"{100.0 * check.largest:.3g} %."
+    )
+    return text, check.within
+
+
+# ---- Campaigns
 
 RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
-DAMAGE, TYPES, LOSSES = "damage.csv", "damage-types.csv", "losses.csv"
+DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
 SIMCENTER, GEOJSON = "simcenter.csv", "buildings.geojson"
 """What is made of a store, each file whole."""
@@ -43,7 +294,7 @@ def carry_out(
     request: SuiteRequest,
     *,
     shard: Shard | None = None,
-    limit: int | None = None,
+    max_runs: int | None = None,
     show: bool = False,
 ) -> None:
     """Do what is left of a campaign in the folder of -o and write its tables, and what more is asked of the suite;
@@ -59,17 +310,25 @@ def carry_out(
     Failures
         Records that could not be read, when all else is done.
     """
-    from tdint.campaign.store.connection import locked, refuse_network
+    from tdint.campaign.store_schema import locked, refuse_network
 
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     with locked(folder):
+        named = check_names(folder, request)
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         store, remarks = _opened(folder, plan, overwrite)
         note(*plan.notes, *remarks)
+        if plan.far:
+            many = (
+                f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance of the records)"
+            )
+            warn(f"{many}, such as {plan.far[0]}")
         with store:
+            if not overwrite:
+                store.refuse_foreign(named)
             units = request.output_units or store.output_units()
-            advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
+            advance = advance_with_bar(plan, store, engine, shard=shard, max_runs=max_runs)
             profiles = Profiles(store, request, units)
             finish(store, folder, units, overwrite=overwrite, profiles=profiles, plan=plan)
             if show:
@@ -77,15 +336,28 @@ def carry_out(
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
             _say(store, advance)
-            unmet = profiles.tell() if is_complete(store) else []
+            unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])
 
 
+def check_names(folder: Path, request: SuiteRequest) -> list[Path]:
+    """What a call names beside its tables, picture and page among them, after it was seen, before the runs, that it can
+    be written: what an earlier call of a campaign that has begun wrote may be replaced, which its store knows."""
+    from tdint.campaign.store import FILE
+
+    begun = (folder / FILE).exists()
+    wanted = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
+    names = [folder / name for name, asked in wanted.items() if asked]
+    named = request.named_files(folder, overwrite=request.overwrite or begun)
+    check_outputs(names, overwrite=request.overwrite or begun)
+    return [*named, *names]
+
+
 def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]]:
     """The store in a folder and what to say of it; with `overwrite` a new one in place of one that cannot be used."""
-    from tdint.campaign.store.connection import UntrustedStoreError
-    from tdint.campaign.store.store import open_store
+    from tdint.campaign.store import open_store
+    from tdint.campaign.store_schema import UntrustedStoreError
 
     try:
         return open_store(folder, plan)
@@ -109,7 +381,7 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     OutputError
         There is one, and it may not be replaced.
     """
-    from tdint.campaign.store.store import FILE, foreign
+    from tdint.campaign.store import FILE, foreign
 
     if not (folder / FILE).exists() and not overwrite:
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
@@ -119,16 +391,18 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
 
 def _forget(folder: Path) -> None:
     """Remove a campaign from a folder that is locked, with the tables that were made of it."""
-    from tdint.campaign.store.store import FILE, forget, remove
+    from tdint.campaign.store import FILE, forget, remove
 
+    tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE)
+    names = (*tables, PICTURE, MEASURES, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY)
+    refuse_kept(folder / name for name in names)
     forget(folder / FILE)
-    tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES)
-    for name in (*tables, PICTURE, MEASURES, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY):
+    for name in names:
         remove(folder / name)
 
 
 def advance_with_bar(
-    plan: Plan, store: Store, engine: Engine, *, shard: Shard | None = None, limit: int | None = None
+    plan: Plan, store: Store, engine: Engine, *, shard: Shard | None = None, max_runs: int | None = None
 ) -> Advance:
     """Do what is left, with a bar that tells the rate."""
     from tdint.campaign.carry_out import carry_out
@@ -138,7 +412,7 @@ def advance_with_bar(
         def tell(advance: Advance) -> None:
             progress(f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs)
 
-        return carry_out(plan, store, engine, shard=shard, limit=limit, tell=tell)
+        return carry_out(plan, store, engine, shard=shard, max_runs=max_runs, tell=tell)
 
 
 def _rate(advance: Advance) -> str:
@@ -156,11 +430,12 @@ def finish(
 ) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, what is asked for
     over all motions, summary.json; and what was exported of an earlier state anew."""
-    writers = {RUNS: _runs(store, units), **_of_suite(folder, profiles, plan)}
+    writers = {**_runs(store, units), **_of_suite(folder, profiles, plan)}
     ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if store.is_ours(folder / name)]
     again = _exports(store, units, ours)
     written = {name: writer for name, writer in again.items() if writer}
-    _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
+    by = profiles.request.by if profiles else None
+    _write(folder, store, {**writers, **written}, units, overwrite=overwrite, by=by)
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -183,11 +458,14 @@ def _of_suite(folder: Path, profiles: Profiles | None, plan: Plan | None = None)
         found[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
         return found
-    found |= request.of_floors.of_suite(plan, store, request.jobs, profiles.units, plot=request.plot is not None)
+    of_floors, floors = request.of_floors.of_suite(
+        plan, store, request.jobs, profiles.units, plot=request.plot is not None
+    )
+    found |= of_floors
     if request.report is not None:
-        found[str(Path(request.report).absolute())] = profiles.report(plan)
+        found[str(Path(request.report).absolute())] = profiles.report(plan, floors)
     if request.im:
-        from tdint.campaign.fragility.run_measures import measured, run_measure
+        from tdint.campaign.fragility.measures import measured, run_measure
 
         measures = [run_measure(name) for name in request.im]
         table = tables.campaign.measures_table(measures, measured(plan, store, measures))
@@ -217,8 +495,9 @@ def export(
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
     wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(store, units, wanted).items() if writer}
-    writers: dict[str, Content] = {RUNS: _runs(store, units), **_of_suite(folder, profiles), **others}
-    _write(folder, store, writers, units, overwrite=overwrite)
+    writers: dict[str, Content] = {**_runs(store, units), **_of_suite(folder, profiles), **others}
+    by = profiles.request.by if profiles else None
+    _write(folder, store, writers, units, overwrite=overwrite, by=by)
 
 
 def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[str, Writer | None]:
@@ -260,11 +539,20 @@ def check_map(store: Store) -> None:
         )
 
 
-def _runs(store: Store, units: OutputUnits) -> Writer:
-    return lambda stream: tables.campaign.write_runs(store, stream, units)
+def _runs(store: Store, units: OutputUnits) -> dict[str, Content]:
+    """runs.csv, unless the campaign chooses other tables alone."""
+    return {RUNS: lambda stream: tables.campaign.write_runs(store, stream, units)} if store.writes("runs") else {}
 
 
-def _write(folder: Path, store: Store, contents: Mapping[str, Content], units: OutputUnits, *, overwrite: bool) -> None:
+def _write(
+    folder: Path,
+    store: Store,
+    contents: Mapping[str, Content],
+    units: OutputUnits,
+    *,
+    overwrite: bool,
+    by: str | None = None,
+) -> None:
     from tdint.output.summary import campaign_summary, in_units, json_bytes
 
     files: dict[str, Content] = dict(contents)
@@ -274,7 +562,7 @@ def _write(folder: Path, store: Store, contents: Mapping[str, Content], units: O
         files[SHOCKS] = lambda stream: tables.campaign.write_shocks(store, stream, units)
     if store.settings().get("profiles") == "true" and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
-    files |= _damage(store, units)
+    files |= _damage(store, units, by)
     files[SUMMARY] = json_bytes(in_units(campaign_summary(store), units))
     here = {folder / name: content for name, content in files.items()}
     if not overwrite:
@@ -282,18 +570,23 @@ def _write(folder: Path, store: Store, contents: Mapping[str, Content], units: O
     write_files(here, overwrite=True, tell=store.will_write)
 
 
-def _damage(store: Store, units: OutputUnits) -> dict[str, Content]:
+def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
     """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
     if not store.damage():
         return {}
-    from tdint.campaign.fragility.run_damage import stored_states
-    from tdint.output.tables.damage_states import write_damage, write_losses, write_types
+    from tdint.campaign.fragility.runs import stored_states
+    from tdint.output.tables.damage_states import write_damage, write_exceedance, write_losses, write_types
 
-    writers: dict[str, Content] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
-    if is_complete(store):
+    writers: dict[str, Content] = {}
+    if store.writes("damage"):
+        writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
+    if is_complete(store) and store.writes("damage"):
         writers[TYPES] = lambda stream: write_types(store, stream)
-        if any(states.losses for states in stored_states(store).values()):
-            writers[LOSSES] = lambda stream: write_losses(store, stream)
+    costs = any(states.losses for states in stored_states(store).values())
+    if costs and is_complete(store) and store.writes("losses"):
+        writers[LOSSES] = lambda stream: write_losses(store, stream, by)
+        if store.rates():
+            writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)
     return writers
 
 

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
-from tdint.input_bytes import READ, STDIN
+from tdint.files import READ, STDIN
 from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through
-from tdint_cli.terminal import counted
+from tdint_cli.terminal import ENDING, counted
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Outcome = TypeVar("Outcome")
-
-_HELD_BACK = (signal.SIGINT, signal.SIGTERM)
 
 _GRACE = 5.0
 """Seconds that a worker has to end before it is killed."""
@@ -118,7 +116,7 @@ class Workers(Generic[Item, Outcome]):
             process = self._context.Process(target=_work, args=(self._function, theirs, os.getpid()), daemon=True)
             worker = _Worker(process, ours)
             # An exception in what Python does after a fork would be lost, and the signal with it.
-            with held_back(_HELD_BACK):
+            with held_back(ENDING):
                 self._workers.append(worker)
                 process.start()
         theirs.close()
@@ -153,9 +151,9 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
     """Do items until the pipe ends."""
     # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
     signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    let_through(_HELD_BACK)
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
+    let_through(ENDING)
     end_with(parent)
     with suppress(EOFError, OSError):
         while True:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from tdint.errors import UsageError
+from tdint.files import check_outputs
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.terminal import emit, progress_bar, say
@@ -21,30 +22,41 @@ class Request:
     """The command line of `tdint compile`."""
 
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1)
-    everything: bool = options.option("--all", is_flag=True, help="Compile all that there is, for any building.")
+    everything: bool = options.option(
+        "--all", is_flag=True, common=True, help="Compile all that there is, for any building."
+    )
     targets: tuple[str, ...] | None = options.option(
         "--target",
         many=True,
         type=click.Choice(TARGETS),
         metavar="NAME,...",
+        common=True,
         help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another "
         f"system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
-    show: bool = options.option(is_flag=True, help="Tell for each loop which object is used; compile nothing.")
-    clean: bool = options.option(is_flag=True, help="Remove all compiled loops from the user's cache.")
+    show: bool = options.option(
+        is_flag=True,
+        common=True,
+        help="Tell for each loop which object is used and whether it came in a wheel; compile nothing.",
+    )
+    clean: bool = options.option(is_flag=True, common=True, help="Remove all compiled loops from the user's cache.")
     output: str | None = options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
 
 
-@options.command("compile")
+@options.command(
+    "compile",
+    "tdint compile office.yaml",
+    "tdint compile office.yaml --show",
+)
 @options.analysis.plugin
 @options.of(Request)
 def command(request: Request) -> None:
     """Compile time loops ahead of their first use.
 
-    tdint compiles what a building needs when it is first integrated: 5 to 20 s once. This does it before: for images,
-    clusters and laboratories where users cannot write, and for other processors. For each MODEL.yaml what its run
-    needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
+    tdint compiles what a building needs when it is first integrated, 5 to 20 s once; this does it before. It is for
+    images, clusters and laboratories where users cannot write, and for other processors. For each MODEL.yaml what its
+    run needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
     lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
     """
     if request.clean:
@@ -55,17 +67,21 @@ def command(request: Request) -> None:
             return
     if not request.models and not request.everything:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
-    from tdint.analysis.run.compilation import of_everything, of_model
+    from tdint.analysis.run.prepared import of_everything, of_model
     from tdint.kernels.building.obtaining import compile_ahead, shown
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
 
+    if request.output:
+        check_outputs([Path(request.output) / "objects"], overwrite=True)
     wanted = of_everything() if request.everything else []
     for file in request.models:
         model = load_model(file)
         wanted += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
     if request.show:
-        emit("".join(",".join(row) + "\n" for row in [("loop", "variant", "object"), *shown(wanted)]).encode())
+        emit(
+            "".join(",".join(row) + "\n" for row in [("loop", "variant", "object", "origin"), *shown(wanted)]).encode()
+        )
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None

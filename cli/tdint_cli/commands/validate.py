@@ -8,8 +8,13 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import progress_bar, say
 
 
-@options.command("validate")
-@options.output.to_files(picture=None, in_units=False)
+@options.command(
+    "validate",
+    "tdint validate",
+    "tdint validate -o validation.csv",
+    exits={5: "a case is beyond what it allows"},
+)
+@options.output.to_files(in_units=False)
 def command(outputs: Outputs) -> None:
     """Published and exact results beside those of this installation.
 
@@ -18,8 +23,7 @@ def command(outputs: Outputs) -> None:
     is beyond that. With all numbers, other programs and recordings the cases stand in tests/validation of the source.
     """
     from tdint.output.tables.methods import validation_table
-    from tdint.validation.case import carry_out
-    from tdint.validation.cases import closed_form_cases, textbook_cases
+    from tdint.validation import carry_out, closed_form_cases, textbook_cases
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []

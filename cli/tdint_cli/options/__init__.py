@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 from tdint.tabular import modules_on_use
-from tdint_cli.options.headings import argument, command, of, option, request
+from tdint_cli.options.grammar import argument, command, of, option, request
 
 if TYPE_CHECKING:
-    from tdint_cli.options import analysis, building, output, record, spectra, studies
+    from tdint_cli.options import analysis, output, record, spectra, studies
 
 __all__ = ["analysis", "building", "output", "record", "spectra", "studies"]
 __all__ += ["argument", "command", "of", "option", "request"]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
-from tdint_cli.options import headings
-from tdint_cli.options.values import FileName, Name, Ratio
+from tdint.errors import UsageError
+from tdint_cli.options import grammar
+from tdint_cli.options.grammar import FileName, Name, Ratio
+from tdint_cli.options.record import RecordRequest
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
+    from tdint.model.definition import Model, RecordSource
 
 
 class OfMethod(Protocol):
@@ -28,7 +32,7 @@ Result = TypeVar("Result", bound=OfMethod)
 DT_OVER_T = (1e-6, 1e6)
 """Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is seen."""
 
-option = partial(headings.option, heading=headings.ANALYSIS)
+option = partial(grammar.option, heading=grammar.ANALYSIS)
 
 
 def _methods() -> list[str]:
@@ -43,18 +47,16 @@ damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
     if files:
-        from tdint.input_bytes import note_input
+        from tdint.files import note_input
         from tdint.methods.catalogue import load_plugin
-        from tdint_cli.options.output import note_inputs
 
-        note_inputs()
         for file in files:
             load_plugin(file)
             note_input(file, Path(file).read_bytes())
     return files
 
 
-def plugins(text: str = "", exposed: bool = True) -> headings.Declaration:
+def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
     """The option --plugin; `text` says what a command does with them but know them."""
     return option(
         "--plugin",
@@ -65,21 +67,22 @@ def plugins(text: str = "", exposed: bool = True) -> headings.Declaration:
         expose_value=exposed,
         callback=_load,
         metavar="FILE.py",
-        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS; it is executed."
-        + text,
+        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, or with programs for "
+        "`tdint chart`, its tuple PEERS; it is executed." + text,
     )
 
 
 plugin = plugins(exposed=False)
 
 
-def method_of(needs: str) -> headings.Declaration:
+def method_of(needs: str) -> grammar.Declaration:
     """The option --method, of what it `needs`."""
     return option(
         "--method",
         type=method_name,
         needs=needs,
         metavar="SPEC",
+        common=True,
         help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists "
         "all.",
     )
@@ -88,7 +91,7 @@ def method_of(needs: str) -> headings.Declaration:
 method = method_of("")
 
 
-def methods(text: str) -> headings.Declaration:
+def methods(text: str) -> grammar.Declaration:
     """The option --method of commands that take several; `text` says which if there is none."""
     return option(
         "--method",
@@ -97,6 +100,7 @@ def methods(text: str) -> headings.Declaration:
         multiple=True,
         callback=_specifications,
         metavar="SPEC,...",
+        common=True,
         help=f"Time-integration methods with their parameters, such as newmark:beta=0.25,gamma=0.5; {text} if there is "
         "none.",
     )
@@ -120,11 +124,16 @@ dt = option(
     "--dt",
     type=float,
     metavar="SECONDS",
+    common=True,
     help="Time step; by default the model's, else the record's sampling interval. Under a record it is a whole part "
     "or a whole multiple of that interval.",
 )
 duration = option(
-    "--duration", type=float, metavar="SECONDS", help="Time to integrate; by default the model's, else the record's."
+    "--duration",
+    type=float,
+    metavar="SECONDS",
+    common=True,
+    help="Time to integrate; by default the model's, else the record's.",
 )
 
 until_rest = option(
@@ -147,12 +156,12 @@ DRAWN = (
 """Methods of a picture of all: what people compare with, and what is ours; more lines are not told apart."""
 
 
-def draw_all(names: Sequence[str]) -> headings.Declaration:
+def draw_all(names: Sequence[str]) -> grammar.Declaration:
     """The option --all of a picture that has these methods without it."""
-    return headings.option(
+    return grammar.option(
         "--all",
         "draw_all",
-        heading=headings.OUTPUT,
+        heading=grammar.OUTPUT,
         needs="--plot",
         is_flag=True,
         help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
@@ -174,4 +183,76 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     """
     from tdint.methods.catalogue import chosen
 
-    return chosen(specifications)
+    return chosen(specifications or None)
+
+
+# ---- The building of a command line, and its ground motion: the model and the options of the record together
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+_MODEL = click.argument("model", metavar="MODEL.yaml", type=FileName())
+
+
+def model(command: Function) -> Function:
+    """The model, and the plug-ins with methods and laws that it may have."""
+    return grammar.with_options((plugin, _MODEL), command)
+
+
+@dataclass(frozen=True)
+class BuildingRequest(RecordRequest):
+    """What the command lines have in common that take a model and the options of a record."""
+
+    model: str
+    record: str | None
+    scale: tuple[float, ...] | None
+    duration: float | None
+
+
+def check_motion(request: BuildingRequest) -> None:
+    """Refuse, before any work, what can be seen to fail.
+
+    Raises
+    ------
+    UsageError
+        Several scales; a model and a record that both are standard input.
+    """
+    if len(set(request.scale or ())) > 1:
+        raise UsageError("--scale: this command takes one factor; call it once for each")
+    if request.model == "-" and request.record == "-":
+        raise UsageError("standard input already holds the model; give the record as a file")
+
+
+def with_motion(model: Model, request: BuildingRequest) -> Model:
+    """The model with the ground motion that the command line asks for.
+
+    Raises
+    ------
+    UsageError
+        Options of a record where there is none.
+    """
+    return replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
+
+
+def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
+    from tdint.model.definition import RecordSource
+
+    if request.record is not None:
+        return RecordSource(request.record, request.choice, request.scale[0] if request.scale else 1.0)
+    source = model.excitation.record
+    given: dict[str, Any] = {
+        name: value for name in ("units", "component", "inventory") if (value := getattr(request, name)) is not None
+    }
+    if source is None:
+        options = [*given, *["scale"] * bool(request.scale)]
+        if options or request.layout or request.processing:
+            name = f"--{options[0]}" if options else "the layout of a table" if request.layout else "processing"
+            raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
+        return None
+    choice = source.choice
+    if "units" in given or "inventory" in given:
+        # Each of the two excludes the other: who names one on the command line does without the model's other one.
+        choice = replace(choice, units=None, inventory=None)
+    processing, layout = request.processing.over(choice.processing), request.layout.over(choice.layout)
+    choice = replace(choice, **given, processing=processing, layout=layout)
+    return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

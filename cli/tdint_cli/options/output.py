@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,12 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 
 from tdint.errors import OutputError, UsageError
-from tdint.input_bytes import STDIN
-from tdint.output_units import SI, OutputUnits
-from tdint.units import LENGTH
+from tdint.files import STDIN, keep_input
+from tdint.units import SI, OutputUnits
+from tdint.written_numbers import parse_head
 from tdint_cli.drawing import emit_table
-from tdint_cli.options import headings
-from tdint_cli.options.values import FileName, OutputUnitsType
+from tdint_cli.options import grammar
+from tdint_cli.options.grammar import FileName, OutputUnitsType, Written
 
 if TYPE_CHECKING:
     from tdint.files import Content
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-option = partial(headings.option, heading=headings.OUTPUT)
+option = partial(grammar.option, heading=grammar.OUTPUT)
 
 SUFFIX = ".png"
 """Of a picture that got no name."""
@@ -36,10 +35,35 @@ SUFFIX = ".png"
 TABLE = "Write the table to this file instead of standard output."
 
 
-def output(metavar: str = "FILE", text: str = TABLE) -> headings.Declaration:
+def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
     """The option -o; what it names differs between the commands."""
-    kind = FileName(folder=metavar == "DIR")
-    return option("-o", "--output", type=kind, metavar=metavar, callback=refuse_empty, help=text)
+    kind = FileName(folder=metavar == "DIR", written=True)
+    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, common=True, help=text)
+
+
+def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    """Where a table goes; - is standard output, as without -o. A folder is none, and a table's file has a suffix: it is
+    no folder, which is what the same word names in a command that writes several files."""
+    kinds = (parameter.metavar or "").split("|")
+    if value == STDIN and kinds == ["DIR"]:
+        raise UsageError("-o - is standard output, and this command writes a folder: name it, or leave -o out")
+    if value == STDIN:
+        return None
+    value = refuse_empty(context, parameter, value)
+    is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
+    if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
+        folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
+        raise UsageError(
+            f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
+        )
+    return value
+
+
+def is_folder_name(value: str) -> bool:
+    """Whether -o names a folder: one that is there, or is named with a / at its end."""
+    from tdint.files import is_folder
+
+    return value.endswith(("/", os.sep)) or is_folder(value)
 
 
 def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
@@ -56,91 +80,78 @@ def check_report(value: str | None) -> str | None:
     return value
 
 
-def plot(text: str) -> headings.Declaration:
+def plot(text: str) -> grammar.Declaration:
     """The option --plot; what it draws differs between the commands."""
-    return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text, behind=_PRINTED)
-
-
-def _printed(name: str, read: Callable[[Any], Any]) -> Callable[..., None]:
-    """A callback that sets what is asked of the pictures of this command."""
-
-    def keep(_: click.Context, __: click.Parameter, value: Any) -> None:
-        if value not in (None, (), False):
-            from tdint.output.printed import PRINTED
-
-            PRINTED.set(replace(PRINTED.get(), **{name: read(value)}))
-
-    return keep
-
-
-def _width(text: str) -> float:
-    from tdint.output.printed import NARROWEST, WIDEST
-
-    found = re.fullmatch(r"\s*([0-9.]+)\s*([a-z]+)\s*", text)
-    try:
-        width = float(found[1]) * LENGTH[found[2]] if found else 0.0
-    except (KeyError, ValueError):
-        width = 0.0
-    if not NARROWEST <= width <= WIDEST:
-        raise UsageError(f"--figure-width {text!r}: write a length from 30 to 600 mm, such as 90mm or 3.5in")
-    return width
-
-
-def _labels(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    pairs = [text.partition("=") for text in texts]
-    for name, equals, after in pairs:
-        if not (name and equals and after):
-            raise UsageError(f"--label {name!r}: write NAME=TEXT, such as moment4='present method'")
-    return tuple((name, after) for name, _, after in pairs)
-
-
-def _of_print(name: str, field: str, read: Callable[[Any], Any], **settings: Any) -> headings.Declaration:
     return option(
-        name, f"print_{field}", needs="--plot", expose_value=False, callback=_printed(field, read), **settings
+        "--plot",
+        type=FileName(written=True),
+        metavar="[FILE]",
+        callback=refuse_empty,
+        common=True,
+        help=text,
+        behind=[style_of("--plot")],
     )
 
 
-_PRINTED = (
-    _of_print(
-        "--figure-width",
-        "width",
-        _width,
-        metavar="LENGTH",
-        help="Draw for print at this width, 90mm or 3.5in: letters of 6 to 8 points, 600 dpi.",
-    ),
-    _of_print("--font", "font", str, metavar="NAME", help="Font of the picture, such as 'Times New Roman'."),
-    _of_print("--no-title", "title", lambda _: False, is_flag=True, help="No title above the picture."),
-    _of_print(
-        "--label",
-        "labels",
-        _labels,
+def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
+    """Set what is asked of the pictures of this command."""
+    if texts:
+        from tdint.output.printed import PRINTED, parse_style
+
+        for text in texts:
+            PRINTED.set(parse_style(text, before=PRINTED.get()))
+        if sheet := PRINTED.get().style:
+            keep_input(sheet)
+    return texts
+
+
+def style_of(needs: str) -> grammar.Declaration:
+    """The option --style, of the pictures that are drawn with what it `needs`."""
+    return option(
+        "--style",
+        needs=needs,
         multiple=True,
-        metavar="NAME=TEXT",
-        help="Another text for a label of the picture: moment4='present method'.",
-    ),
-    _of_print("--style", "style", str, type=FileName(), metavar="FILE.mplstyle", help="A style sheet of matplotlib."),
-)
+        expose_value=False,
+        callback=_styled,
+        metavar="LOOKS",
+        common=True,
+        help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 points, 600 dpi; "
+        "a style sheet is matplotlib's. All words: \"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
+        'label:moment4=present method".',
+    )
+
+
 PICTURE = "Also draw, to this file (.png, .pdf, .svg) or beside -o under its name."
 picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
     metavar="UNIT,...",
+    common=True,
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
     "length, mass, acceleration: kip,in,g.",
 )
 report = option(
     "--report",
-    type=FileName(),
+    type=FileName(written=True),
     metavar="FILE.html",
     callback=lambda context, parameter, value: check_report(refuse_empty(context, parameter, value)),
+    common=True,
     help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
     "that needs no network and prints on A4.",
 )
-overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
-jobs = headings.option(
+report_head = option(
+    "--report-head",
+    needs="--report",
+    type=Written("head", parse_head),
+    metavar="TEXT",
+    help="Lines at the top of the page, in place of the model's `report`: 'Project: Bridge 7; Author: A. B.; Date: "
+    "2026-01-31'.",
+)
+overwrite = option("--overwrite", is_flag=True, common=True, help="Replace existing outputs.")
+jobs = grammar.option(
     "--jobs",
-    heading=headings.GENERAL,
+    heading=grammar.GENERAL,
     type=click.IntRange(1, 1024),
     default=1,
     metavar="N",
@@ -175,7 +186,7 @@ class Outputs:
         units: OutputUnits | None = None,
     ) -> Outputs:
         """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
-        the table. From now on it is noted what the command reads.
+        the table.
 
         Raises
         ------
@@ -186,7 +197,6 @@ class Outputs:
         """
         from tdint.files import check_outputs
 
-        note_inputs()
         table = Path(output) if output else None
         picture = picture_file(plot, table)
         outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
@@ -215,13 +225,14 @@ class Outputs:
         from tdint.files import write_files
         from tdint.output import figures
 
+        assert draw or not self.picture, "a command without a drawing declares no --plot"
         told = summarize() if self.summary and summarize else None
         meanings = table.meanings
         table = table.in_units(self.shown_units)
         files: dict[Path, Content] = {}
         if self.table:
             files[self.table] = table.csv()
-        if self.picture and draw:
+        if self.picture and draw is not None:
             files[self.picture] = figures.style.picture(self.picture.suffix, draw)
         if self.summary:
             files[self.summary] = provenance(meanings, self.shown_units, told)
@@ -234,12 +245,12 @@ class Outputs:
 def to_files(
     text: str = TABLE,
     *,
-    picture: str | None = PICTURE,
+    picture: str | None = None,
     in_units: bool = True,
     more: Sequence[Callable[[Any], Any]] = (),
 ) -> Callable[[Function], Function]:
-    """The options of a command with a table: -o, `--plot` (`picture` says what it draws, None that there is none), what
-    is peculiar to the command, units, --overwrite. The command gets them together as `outputs`, checked."""
+    """The options of a command with a table: -o, `--plot` for one that draws (`picture` says what), what is peculiar to
+    the command, units, --overwrite. The command gets them together as `outputs`, checked."""
 
     def declared(command: Function) -> Function:
         @functools.wraps(command)
@@ -252,17 +263,9 @@ def to_files(
 
         plots = () if picture is None else (plot(picture),)
         declarations = (output(text=text), *plots, *more, *((units,) if in_units else ()), overwrite)
-        return headings.with_options(declarations, cast(Function, collected))
+        return grammar.with_options(declarations, cast(Function, collected))
 
     return declared
-
-
-def note_inputs() -> None:
-    """From now on note what the command reads."""
-    from tdint.input_bytes import READ
-
-    if READ.get() is None:
-        READ.set({})
 
 
 def provenance(
@@ -270,7 +273,7 @@ def provenance(
 ) -> bytes:
     """The JSON file beside a table whose columns mean this: what is `told`, by default the options of the command
     line, and with it all that was read."""
-    from tdint.input_bytes import READ
+    from tdint.files import READ
     from tdint.output.summary import in_units, json_bytes, merged_inputs, table_summary
 
     if told is None:
@@ -291,11 +294,14 @@ def _plain(value: Any) -> Any:
 
 
 def check_picture(file: Path) -> None:
-    """Raise OutputError for a picture of an unknown format, UsageError for a font or style sheet that is not there."""
+    """Raise UsageError for a picture of an unknown format, a font or a style sheet that is not there."""
     from tdint.output.figures.style import check_print, picture_format
     from tdint.output.printed import PRINTED
 
-    picture_format(file.suffix)
+    try:
+        picture_format(file.suffix)
+    except OutputError as error:  # of a name that somebody has just written
+        raise UsageError(str(error)) from None
     check_print(PRINTED.get())
 
 
@@ -307,7 +313,7 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
     UsageError
         It has no name, and there is no table beside which it could lie.
     """
-    if plot != headings.BESIDE:
+    if plot != grammar.BESIDE:
         return Path(plot) if plot else None
     if table is None:
         raise UsageError("--plot alone puts the picture beside the output: add -o, or name it: --plot=FILE.png")
@@ -317,11 +323,3 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
 def beside(table: Path, suffix: str) -> Path:
     """The file of another kind beside a table, which may be packed (.csv.gz)."""
     return (table.with_suffix("") if table.suffix.lower() == ".gz" else table).with_suffix(suffix)
-
-
-def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[str | None]) -> None:
-    """Raise OutputError for an output that is one of the files that are read, whatever --overwrite says."""
-    read = {os.path.realpath(file) for file in inputs if file and file != STDIN}
-    for output in outputs:
-        if os.path.realpath(output) in read:
-            raise OutputError(f"{output}: is read by this command; write to another place")

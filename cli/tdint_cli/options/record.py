@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from tdint_cli.options import headings
-from tdint_cli.options.values import FileName, Name, Nonzero, Number
+from tdint_cli.options import grammar
+from tdint_cli.options.grammar import FileName, Name, Nonzero, Number
 
 if TYPE_CHECKING:
     from tdint.ground_motion.processing import Processing, RecordChoice
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-option = partial(headings.option, heading=headings.RECORD)
+option = partial(grammar.option, heading=grammar.RECORD)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,18 +72,21 @@ record = option(
     "--record",
     type=FileName(),
     metavar="FILE",
+    common=True,
     help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
     "--units",
     type=Name(_units),
     metavar="UNITS",
+    common=True,
     help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor the value of "
     "one count ('2.38e-6 m/s^2'); of a velocity or a displacement (cm/s, cm), which is then differentiated.",
 )
 component = option(
     "--component",
     metavar="NAME",
+    common=True,
     help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
 )
 inventory = option(
@@ -98,11 +101,17 @@ scale = option(
     many=True,
     once=False,
     metavar="FACTOR",
+    common=True,
     help="Factor on the ground acceleration, not zero.",
 )
 
 one_scale = option(
-    "--scale", type=Nonzero(), needs="RECORD", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+    "--scale",
+    type=Nonzero(),
+    needs="RECORD",
+    metavar="FACTOR",
+    common=True,
+    help="Factor on the ground acceleration, not zero.",
 )
 
 _LAYOUT = (
@@ -177,7 +186,7 @@ def processing(command: Function) -> Function:
                 chosen[name] = parse(chosen[name])
         return command(**given, processing=Processing(**chosen))
 
-    return cast(Function, headings.with_options(_PROCESSING, collected))
+    return cast(Function, grammar.with_options(_PROCESSING, collected))
 
 
 def layout(command: Function) -> Function:
@@ -190,22 +199,27 @@ def layout(command: Function) -> Function:
         chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
         return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))
 
-    return cast(Function, headings.with_options(_LAYOUT, collected))
+    return cast(Function, grammar.with_options(_LAYOUT, collected))
 
 
 def of_records(command: Function) -> Function:
     """All that command lines with records as arguments have in common, for a RecordsRequest."""
-    return headings.with_options((records, units, component, layout, inventory, processing), command)
+    return grammar.with_options((records, units, component, layout, inventory, processing), command)
 
 
 def of_records_if_any(command: Function) -> Function:
     """The same, where there need be none."""
-    return headings.with_options((records_if_any, units, component, layout, inventory, processing), command)
+    return grammar.with_options((records_if_any, units, component, layout, inventory, processing), command)
 
 
 def of_record(command: Function) -> Function:
     """The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
-    return headings.with_options((record, units, component, layout, inventory, scale, processing), command)
+    return grammar.with_options((record, units, component, layout, inventory, scale, processing), command)
+
+
+def of_motion(command: Function) -> Function:
+    """The same of a command that declares --record itself."""
+    return grammar.with_options((units, component, layout, inventory, scale, processing), command)
 
 
 def notes_of_components(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:

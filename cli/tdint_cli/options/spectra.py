@@ -13,25 +13,27 @@ from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.system import processors
-from tdint_cli.options import headings, output
+from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import Number, grid
+from tdint_cli.options.grammar import Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from tdint.analysis.run.outcome import Response
+    from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.campaign.plan import Plan
-    from tdint.campaign.store.store import Store
+    from tdint.campaign.profiles import FloorSuite
+    from tdint.campaign.store import Store
     from tdint.files import Content
-    from tdint.output_units import OutputUnits
+    from tdint.units import OutputUnits
     from tdint.written_numbers import Grid
 
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-option = partial(headings.option, heading=headings.SPECTRUM)
+option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 
 _PER_RECORD = output.output(
@@ -44,10 +46,10 @@ _PICTURE = output.plot(
 )
 
 
-def tables_of_records(*more: headings.Declaration) -> Callable[[Function], Function]:
+def tables_of_records(*more: grammar.Declaration) -> Callable[[Function], Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
     declarations = (_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
-    return lambda command: headings.with_options(declarations, command)
+    return lambda command: grammar.with_options(declarations, command)
 
 
 SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mean.csv", "floor-spectra.png"
@@ -55,36 +57,39 @@ MOTIONS = "floors.mseed"
 """The files of floors, in the folder of -o."""
 
 
-def damping(needs: str = "") -> headings.Declaration:
+def damping(needs: str = "") -> grammar.Declaration:
     """The option --damping, of what it `needs`."""
     return option(
         "--damping",
         type=damping_ratio,
         many=True,
         default=(0.05,),
+        common=not needs,
         needs=needs,
         metavar="RATIO,...",
         help="Damping ratios; 0.05 (or 5%) by default.",
     )
 
 
-def periods(default: str, needs: str = "") -> headings.Declaration:
+def periods(default: str, needs: str = "") -> grammar.Declaration:
     """The option --periods."""
     return option(
         "--periods",
         type=grid(),
+        common=not needs,
         needs=needs,
         metavar="FIRST:LAST:COUNT",
         help=f"Periods in equal ratios, s; {default} by default, both ends included.",
     )
 
 
-def period(zero: str = "", needs: str = "") -> headings.Declaration:
+def period(zero: str = "", needs: str = "") -> grammar.Declaration:
     """The option --period; `zero` says what a period of 0 gives, if it may be asked for."""
     return option(
         "--period",
         type=Number(0.0, min_open=not zero),
         many=True,
+        common=not needs,
         needs=needs,
         metavar="SECONDS,...",
         help=f"Single periods; in place of --periods.{zero}",
@@ -99,7 +104,7 @@ export_floors = output.option(
 _NEEDS = "--floor-spectra"
 
 
-@headings.request
+@grammar.request
 class FloorRequest:
     """What a command line asks of the spectra of floors."""
 
@@ -141,9 +146,9 @@ class FloorRequest:
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
-    ) -> dict[str, Content]:
-        """The files of a suite by their names and what they hold, in these units, with a picture if one is wanted;
-        nothing if no floor is asked for. Every run is done once more for them.
+    ) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
+        """The files of a suite by their names and what they hold, in these units, with a picture if one is wanted, and
+        the spectra over the motions; nothing if no floor is asked for. Every run is done once more for them.
 
         Raises
         ------
@@ -151,8 +156,8 @@ class FloorRequest:
             A building has no such floor.
         """
         if not self.floors:
-            return {}
-        from tdint.campaign.floor_suites import FloorChoice, floor_suites, run_floors
+            return {}, ()
+        from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
 
         choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
         found = run_floors(plan, store, choice, jobs or processors())
@@ -162,9 +167,18 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            draw = partial(figures.demands.floor_suite_picture, suites, units)
+            draw = partial(figures.runs.floor_suite_picture, suites, units)
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
-        return contents
+        return contents, suites
+
+    def of_run(self, response: Response) -> Sequence[FloorSpectrum]:
+        """The spectra of a run that are asked for."""
+        if not self.floors:
+            return ()
+        from tdint.analysis.spectra.floors import floor_spectra as spectra_of
+
+        floors = self.chosen_floors(len(response.model.stories))
+        return spectra_of(response, floors, self.chosen_periods(), self.damping)
 
     def files(
         self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False, export: str | None = None
@@ -174,18 +188,15 @@ class FloorRequest:
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
-        if self.floors:
-            from tdint.analysis.spectra.floors import floor_spectra as spectra_of
-
-            found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
+        if found := self.of_run(response):
             files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(found).in_units(units).csv()
             if plot:
                 title = response.model.name
-                draw = partial(figures.demands.floor_picture, found, units, title=title)
+                draw = partial(figures.runs.floor_picture, found, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         if export:
             from tdint.analysis.spectra.floors import floor_motion
-            from tdint.ground_motion.export import to_mseed
+            from tdint.ground_motion.record import to_mseed
 
             exported = to_mseed([floor_motion(response, floor) for floor in range(1, stories + 1)])
             files[folder / MOTIONS] = exported.content
@@ -193,4 +204,4 @@ class FloorRequest:
         return files, notes
 
 
-of_floors = headings.of(FloorRequest, "of_floors")
+of_floors = grammar.of(FloorRequest, "of_floors")

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import UsageError
-from tdint_cli.options import headings
+from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import FileName, PairsType, PairWish, Ratio, grid
+from tdint_cli.options.grammar import FileName, PairsType, PairWish, Ratio, grid
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.suites.intensity import IntensityMeasure
+    from tdint.campaign.intensity import IntensityMeasure
     from tdint.ground_motion.processing import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
     from tdint.written_numbers import Grid
 
-option = partial(headings.option, heading=headings.INTENSITY)
+option = partial(grammar.option, heading=grammar.INTENSITY)
 
 PAIRS = ("geometric-mean", "rotd50", "rotd100")
 
@@ -30,27 +30,30 @@ def pair_measure(wish: PairWish | None) -> str:
     return (wish and wish.measure) or PAIRS[0]
 
 
-def target(text: str, heading: str = headings.OWN) -> headings.Declaration:
+def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
     """The option --target; what becomes of it differs between the commands."""
     named = (
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
         "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g or sa_m_s2."
     )
-    return headings.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
+    return grammar.option(
+        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", common=True, help=f"{text}: {named}"
+    )
 
 
-def pairs(text: str) -> headings.Declaration:
+def pairs(text: str) -> grammar.Declaration:
     """The option --pairs; what it does differs between the commands."""
     return option(
         "--pairs",
         type=PairsType(PAIRS),
         metavar=f"[{'|'.join(PAIRS)}][,NAMES]",
+        common=True,
         help=f"{text} Files of a pair are named alike but for the component, or as NAMES says: "
         "'{}_a.txt,{}_b.txt'.",
     )
 
 
-def damping(needs: str) -> headings.Declaration:
+def damping(needs: str) -> grammar.Declaration:
     """The option --damping, of the measures that it `needs`."""
     return option(
         "--damping",
@@ -62,7 +65,7 @@ def damping(needs: str) -> headings.Declaration:
     )
 
 
-def average(needs: str) -> headings.Declaration:
+def average(needs: str) -> grammar.Declaration:
     """The option --average, of the measure that it `needs`."""
     return option(
         "--average",
@@ -75,7 +78,7 @@ def average(needs: str) -> headings.Declaration:
 
 def measure(name: str, period: float | None, damping: float, average: Grid | None) -> IntensityMeasure:
     """The intensity measure of a name: sa and sa-avg at a period (s), others without one."""
-    from tdint.campaign.suites import intensity
+    from tdint.campaign import intensity
 
     if period is None:
         return intensity.measure_of(name)
@@ -85,18 +88,20 @@ def measure(name: str, period: float | None, damping: float, average: Grid | Non
 
 
 threshold = partial(
-    headings.option,
+    grammar.option,
     "--threshold",
     type=Ratio(0.0, min_open=True),
     many=True,
     metavar="DRIFT,...",
-    heading=headings.ANALYSIS,
+    common=True,
+    heading=grammar.ANALYSIS,
 )
-threads = headings.option(
+threads = grammar.option(
     "--jobs",
-    heading=headings.GENERAL,
+    heading=grammar.GENERAL,
     type=click.IntRange(1, 1024),
     metavar="N",
+    common=True,
     help="Threads that share the records; as many as processors by default. The output does not depend on it.",
 )
 
@@ -112,7 +117,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
         Nothing could be read.
     """
     from tdint.ground_motion.reading import suites
-    from tdint_cli.errors import Failures
+    from tdint_cli.terminal import Failures
 
     if pairs and choice.component is not None:
         raise UsageError("--component names single components; leave it out with pairs")

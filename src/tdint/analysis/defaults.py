@@ -31,4 +31,11 @@ QUANTITIES = {
     "velocity": "error of the velocities (L2 of the history)",
     "acceleration": "error of the accelerations (L2 of the history)",
 }
-"""By their names on the command line, what they are: the fields of `tdint.analysis.chart.reference.Errors`."""
+"""By their names on the command line, what they are: the fields of `tdint.analysis.chart.problem.Errors`."""
+
+PEAKS = {
+    "peak-drift": "largest error of a story's peak drift",
+    "peak-acceleration": "largest error of a floor's peak absolute acceleration",
+    "peak-total-shear": "largest error of a story's peak total shear",
+}
+"""The same of many problems: the fields of `tdint.analysis.chart.profiles.PeakErrors`."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,29 @@ from tdint.written_numbers import parse_ratio
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
+    from tdint.model.definition import Model
+
+
+class AnyTrace(Protocol):
+    """A Trace of ObsPy."""
+
+    stats: Any
+
+
+class AnyStream(Protocol):
+    """A Stream of ObsPy."""
+
+    traces: Any
+
+
+AnyModel: TypeAlias = "Model | str | Path | TextIO | Mapping[str, Any]"
+"""A building: what `load_model` gives, or what that takes."""
+
+AnyRecord: TypeAlias = Record | str | Path | AnyTrace | AnyStream
+"""A ground motion: what `read_record` gives, a file that tells its units and has one component, or a trace."""
+
+AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
+"""A record, or a pair of components."""
 
 
 def record_of(given: Any) -> Record:
@@ -89,12 +113,12 @@ def ratio_of(given: Any, name: str) -> float | None:
 def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
     """Numbers as an array of one axis. UsageError as `number_of`."""
     try:
-        found = np.atleast_1d(np.asarray(given, dtype=np.float64))
+        numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
-        found = np.empty((0, 0))
-    if found.ndim != 1:
+        numbers = np.empty((0, 0))
+    if numbers.ndim != 1:
         raise UsageError(f"{name} must be numbers in a row, got {given!r:.60}")
-    return found
+    return numbers
 
 
 def damping_of(given: Any) -> float:

@@ -6,24 +6,34 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from typing import ClassVar
 
 from tdint.analysis.run.run import Subject
+from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
-from tdint.model.inventory.derive import derive_row
-from tdint.model.inventory.table import InventoryRow
-from tdint.output_units import SI, OutputUnits
+from tdint.model.inventory import InventoryRow, derive_row
+from tdint.units import SI, OutputUnits
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
     """The units in which all of their models want results; SI where they do not agree."""
-    wanted = {one.output_units for one in buildings}
-    return wanted.pop() if len(wanted) == 1 else SI
+    units = {one.output_units for one in buildings}
+    return units.pop() if len(units) == 1 else SI
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the model files that they come from, by name."""
     texts = {one.made.model.source: one.made.model.text for one in buildings if isinstance(one, GivenBuilding)}
     return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
+
+
+def plugin_files(buildings: Buildings) -> dict[str, str]:
+    """SHA-256 of the files of plug-ins that their methods and drift laws are from, by name."""
+    if not CODE:
+        return {}
+    methods = {f"method {one.method.partition(':')[0]}" for one in buildings}
+    given = [one.made.model for one in buildings if isinstance(one, GivenBuilding)]
+    return code_of(methods | {f"law {story.law.name}" for model in given for story in model.stories})
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,7 @@ class GivenBuilding:
     made: Subject
     columns: tuple[str, ...] = field(default=(), init=False)
     cells: str = field(default="[]", init=False)
+    is_model: ClassVar[bool] = True
 
     def subject(self) -> Subject:
         """The building."""
@@ -87,18 +98,18 @@ def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
     sources: dict[str, set[str]] = {}
     for subject in subjects:
         sources.setdefault(subject.model.name, set()).add(subject.model.source)
-    found = []
+    result = []
     for subject in subjects:
         model = subject.model
         name = model.name if len(sources[model.name]) == 1 else model.source
-        found.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
-    return tuple(found)
+        result.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
+    return tuple(result)
 
 
 def digest_of(model: Model, method: str) -> str:
     """SHA-256 of what a model says of its building and its steps, and of the method."""
     content = asdict(model)
-    for name in ("name", "source", "text", "output_units", "varied", "label", "damage"):
+    for name in ("name", "source", "text", "output_units", "page_units", "page_head", "varied", "label", "damage"):
         del content[name]
     del content["excitation"]["record"]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
@@ -113,7 +124,7 @@ class Rules:
     name : str
         The set of rules.
     stiffness, damping, seed : float, float, int
-        Scatter, as `tdint.model.inventory.derive.derive_all` has it.
+        Scatter, as `tdint.model.inventory.derive_all` has it.
     method : str
         The method that integrates them.
     collapse_drift : float
@@ -137,6 +148,7 @@ class RowBuilding:
 
     row: InventoryRow
     rules: Rules
+    is_model: ClassVar[bool] = False
 
     def subject(self) -> Subject:
         """The building by the rules."""
@@ -163,8 +175,8 @@ class RowBuilding:
     @property
     def digest(self) -> str:
         row = self.row
-        own = (row.id, row.facts, self.rules, *((row.changes,) if row.changes else ()))
-        return hashlib.sha256(repr(own).encode()).hexdigest()
+        contents = (row.id, row.facts, self.rules, *((row.changes,) if row.changes else ()))
+        return hashlib.sha256(repr(contents).encode()).hexdigest()
 
     @property
     def wishes(self) -> tuple[float | None, float | None]:
@@ -200,9 +212,9 @@ def inventory_buildings(rows: Sequence[InventoryRow], rules: Rules) -> tuple[Row
     UsageError
         What is varied is not there, or goes out of range.
     """
-    found = tuple(RowBuilding(row, rules) for row in rows)
+    buildings = tuple(RowBuilding(row, rules) for row in rows)
     firsts: dict[int, str] = {}
-    for one in found:
-        if one.row.changes and firsts.setdefault(one.stories, one.row.id) == one.row.id:
-            one.subject()
-    return found
+    for building in buildings:
+        if building.row.changes and firsts.setdefault(building.stories, building.row.id) == building.row.id:
+            building.subject()
+    return buildings

@@ -6,28 +6,36 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from tdint.analysis.run.workspace import kernels
-from tdint.campaign.engine.batch import Done, do, spectral_accelerations
-from tdint.campaign.engine.cluster import Cluster, on_cluster
+from tdint.campaign.batch import Done, do, spectral_accelerations
+from tdint.campaign.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.store.connection import connect, in_words, locked, refuse_network, transaction
-from tdint.campaign.store.identity import all_differences
-from tdint.campaign.store.schema import ROW_TABLES, TABLES, check_store, damaged_chunks
-from tdint.campaign.store.store import FILE, Store, is_empty, open_existing, open_store
-from tdint.errors import TdintError, UsageError
+from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_existing, open_store
+from tdint.campaign.store_schema import (
+    ROW_TABLES,
+    TABLES,
+    check_store,
+    connect,
+    damaged_chunks,
+    in_words,
+    locked,
+    refuse_network,
+    transaction,
+)
+from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import obtain
-from tdint.kernels.march.many import many
+from tdint.kernels.march.march import many
 from tdint.system import on_threads, processors
-from tdint.tabular import Tabular
+from tdint.tabular import Progress, Tabular, told_progress
 from tdint.written_numbers import how_many
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
@@ -44,6 +52,11 @@ class Shard:
     def holds(self, chunk: int) -> bool:
         """Whether a chunk belongs to it."""
         return chunk % self.of == self.number - 1
+
+    @property
+    def text(self) -> str:
+        """As the command line has it, K/N."""
+        return f"{self.number}/{self.of}"
 
 
 @dataclass(frozen=True)
@@ -77,14 +90,14 @@ def carry_out(
     engine: Engine,
     *,
     shard: Shard | None = None,
-    limit: int | None = None,
+    max_runs: int | None = None,
     tell: Callable[[Advance], None] = lambda advance: None,
 ) -> Advance:
     """Do what is left of a campaign, or of a shard of it, and keep every chunk as soon as it is done.
 
     Parameters
     ----------
-    limit : int, optional
+    max_runs : int, optional
         Stop after the chunk in which this many more runs are done.
     tell : callable
         Told of every chunk.
@@ -97,14 +110,16 @@ def carry_out(
         The store cannot be written.
     """
     began = time.perf_counter()
-    wanted = [number for number in range(plan.chunks) if shard is None or shard.holds(number)]
+    numbers = [number for number in range(plan.chunks) if shard is None or shard.holds(number)]
     ready = store.done()
-    left = [number for number in wanted if number not in ready]
-    before = sum(plan.size(number) for number in wanted) - sum(plan.size(number) for number in left)
-    if limit is not None:
+    left = [number for number in numbers if number not in ready]
+    before = sum(plan.size(number) for number in numbers) - sum(plan.size(number) for number in left)
+    if max_runs is not None:
         totals = list(accumulate(plan.size(number) for number in left))
-        left = left[: sum(total < limit for total in totals) + 1]
+        left = left[: sum(total < max_runs for total in totals) + 1]
     advance = Advance(before, before + sum(plan.size(number) for number in left), before, 0.0)
+    if shard is not None:
+        store.add_shard(shard.text)
     if left:
         compile_for(plan)
         began = time.perf_counter()
@@ -129,11 +144,11 @@ def cluster(of: Cluster) -> Engine:
 
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, compiled if they are not yet: before threads ask for them all at once."""
-    wanted = {(many, EVERYTHING): None}
+    variants = {(many, EVERYTHING): None}
     for building in plan.buildings[:_LOOKED_AT]:
         subject = building.subject()
-        wanted |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
-    obtain(list(wanted))
+        variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
+    obtain(list(variants))
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
@@ -229,7 +244,13 @@ class CampaignRuns(Tabular):
 
 
 def campaign(
-    source: str | Path, folder: str | Path | None = None, *, jobs: int | None = None, limit: int | None = None
+    source: str | Path,
+    folder: str | Path | None = None,
+    *,
+    jobs: int | None = None,
+    max_runs: int | None = None,
+    progress: bool | Progress = False,
+    partial: bool = False,
 ) -> CampaignRuns:
     """Do the runs of a campaign file.
 
@@ -242,8 +263,12 @@ def campaign(
         writes the tables of it. In memory by default.
     jobs : int, optional
         Threads; one for each processor by default. The result does not depend on it.
-    limit : int, optional
+    max_runs : int, optional
         Stop after about so many runs.
+    progress : bool or callable
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+    partial : bool
+        Of an interrupt (Ctrl-C) give the runs that are done.
 
     Returns
     -------
@@ -261,14 +286,20 @@ def campaign(
     OutputError
         The folder cannot be written, or another process is at it.
     """
-    wanted = load_campaign(source)
-    plan = make_plan(wanted, read_inputs(wanted))
+    definition = load_campaign(source)
+    plan = make_plan(definition, read_inputs(definition))
     with ExitStack() as stack:
         if folder is not None:
             refuse_network(Path(folder))
             stack.enter_context(locked(Path(folder)))
         store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
-        carry_out(plan, store, threads(processors() if jobs is None else jobs), limit=limit)
+        engine = threads(processors() if jobs is None else jobs)
+        try:
+            with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
+                carry_out(plan, store, engine, max_runs=max_runs, tell=lambda now: told(now.done, now.runs))
+        except KeyboardInterrupt:
+            if not partial:
+                raise
         return CampaignRuns.of(store, plan.failures)
 
 
@@ -279,14 +310,21 @@ _ROWS = {**{one.name: -1 for one in ROW_TABLES}, "chunks": 0}
 _log = logging.getLogger(__name__)
 
 
-def merge(folders: Sequence[Path], target: Path) -> Store:
+def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
     """Put the stores of several folders, which are all of one campaign, into the one in `target`; what several have is
     taken once.
+
+    Parameters
+    ----------
+    partial : bool
+        Whether runs may be in none of them.
 
     Raises
     ------
     UsageError
         A folder holds no campaign, or they hold different ones: what differs, one line each.
+    AnalysisError
+        Runs are in none of them: how many, and of which shards.
     OutputError
         The store cannot be written.
     """
@@ -297,6 +335,11 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
             opened.callback(sources[-1].connection.close)
         for source in sources[1:]:
             _check_same(sources[0], source)
+        merged = list(sources)
+        with suppress(UsageError):  # none is there, or nothing is in it yet
+            merged.append(opened.enter_context(open_existing(target)))
+        if (left := _told_left(merged)) and not partial:
+            raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
         name = str(target / FILE)
         with in_words(name):
             store = Store(connect(name), name)
@@ -317,18 +360,42 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
             with in_words(source.name):
                 bad = damaged_chunks(source.connection)
             _tell(source, len(bad))
+            for text in source.shards():
+                store.add_shard(text)
             with in_words(name):
                 _take_chunks(source, store, bad)
         failed.pop_all()  # whoever asked closes it
     return store
 
 
-def _check_same(one: Store, other: Store) -> None:
-    if one.meta("fingerprint") == other.meta("fingerprint") and one.meta("chunks") == other.meta("chunks"):
+def _check_same(store: Store, other: Store) -> None:
+    if store.meta("fingerprint") == other.meta("fingerprint") and store.meta("chunks") == other.meta("chunks"):
         return
-    parts = [(side.settings(), side.digests("buildings"), side.digests("records")) for side in (one, other)]
-    lines = all_differences(*parts, known=one.name, given=other.name)
-    raise UsageError(f"{one.name} and {other.name} are of different campaigns\n{lines}")
+    lines = all_differences(store.sides(), other.sides(), store=store.name, given=other.name)
+    raise UsageError(f"{store.name} and {other.name} are of different campaigns\n{lines}")
+
+
+def _told_left(stores: Sequence[Store]) -> str:
+    """How many runs are in none of some stores of one campaign, and the shards that they belong to; nothing if none."""
+    held: dict[int, int] = {}
+    for store in stores:
+        with in_words(store.name):
+            bad = damaged_chunks(store.connection)
+            chunks = store.connection.execute("SELECT id, runs FROM chunks").fetchall()
+        held |= {number: runs for number, runs in chunks if number not in bad}
+    missing = sorted(set(range(int(stores[0].meta("chunks")))) - set(held))
+    if not missing:
+        return ""
+    every = int(stores[0].meta("runs"))
+    told = f"{every - sum(held.values())} of {how_many(every, 'run')} are in none of the folders"
+    # Shards of one division alone tell which are missing: that is the usual case.
+    given = {text for store in stores for text in store.shards()}
+    if len(divisions := {int(text.partition("/")[2]) for text in given}) != 1:
+        return told
+    (of,) = divisions
+    lacking = [Shard(number, of).text for number in sorted({chunk % of + 1 for chunk in missing})]
+    words = [f"{text} (not complete)" if text in given else text for text in lacking]
+    return f"{told}: missing {'shard' if len(words) == 1 else 'shards'} {', '.join(words)}"
 
 
 def _tell(store: Store, damaged: int) -> None:
@@ -336,10 +403,10 @@ def _tell(store: Store, damaged: int) -> None:
         _log.warning("%s: %d chunks of runs are not as they were written and are left out", store.name, damaged)
 
 
-def _copy(source: Store, target: Store, table: str, wanted: Callable[[Any], bool] = lambda row: True) -> None:
+def _copy(source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True) -> None:
     rows = source.connection.execute(f"SELECT * FROM {table}")
     marks = ", ".join("?" * len(rows.description))
-    target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(wanted, rows))
+    target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(accept, rows))
 
 
 def _take_chunks(source: Store, target: Store, bad: set[int]) -> None:

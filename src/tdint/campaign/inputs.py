@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +19,11 @@ from tdint.campaign.definition import (
     FieldFile,
     InventoryFile,
     ModelFiles,
+    ParameterSweep,
     RecordFiles,
     SequenceFile,
 )
 from tdint.campaign.fragility.type_states import ClassDamage, read_class_damage
-from tdint.campaign.grid_files import read_field, read_grid
 from tdint.campaign.motions import (
     Assignment,
     FactorTable,
@@ -31,16 +33,21 @@ from tdint.campaign.motions import (
     GridDraws,
     GridFile,
     GridMotions,
+    meters,
+    nearest,
+    places_of,
 )
+from tdint.campaign.sites import read_field, read_grid
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
-from tdint.ground_motion.joining import JoinedRecord
+from tdint.files import MOST_BYTES, note_input, read_at_most
 from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_suite, suite_motions
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
+from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
-from tdint.model.inventory.capacity import read_classes
-from tdint.model.inventory.table import InventoryRow, read_inventory
+from tdint.model.inventory import InventoryRow, read_inventory
 from tdint.model.keys.fields import resolve
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor")
@@ -67,6 +74,8 @@ class Inputs:
         Damage states and loss ratios by class, if files have them.
     faults : tuple of ModelError
         Rows of an inventory that could not be used; the others are taken.
+    far : tuple of ModelFault
+        Rows of an inventory that are farther from any site than is allowed, and left out.
     """
 
     models: tuple[Model, ...] = ()
@@ -76,6 +85,7 @@ class Inputs:
     factors: FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
     faults: tuple[ModelError, ...] = ()
+    far: tuple[ModelFault, ...] = ()
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
@@ -93,34 +103,43 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     models: tuple[Model, ...] = ()
     rows: tuple[InventoryRow, ...] = ()
     faults: tuple[ModelError, ...] = ()
+    sweep = campaign.sweep or ParameterSweep()
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
-        models = campaign.sweep.of(models) if campaign.sweep else models
+        with sweep.told_at_its_place():
+            models = sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
-        rows = campaign.sweep.of_rows(rows) if campaign.sweep else rows
     if isinstance(campaign.records, GridFile):
-        _check_places(campaign, rows)
-        found = read_grid(campaign.records)
+        motions = read_grid(campaign.records)
     elif isinstance(campaign.records, FieldFile):
-        found = read_field(campaign.records)
+        motions = read_field(campaign.records)
     elif isinstance(campaign.records, SequenceFile):
-        found = read_sequences(campaign.records)
+        motions = read_sequences(campaign.records)
     else:
-        found = read_motions(campaign.records)
+        motions = read_motions(campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    far: tuple[ModelFault, ...] = ()
+    if isinstance(campaign.records, GridFile | FieldFile) and motions.places is not None and motions.places.places:
+        rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
+        faults = (*faults, *((ModelError(lost),) if lost else ()))
+    if rows and isinstance(campaign.buildings, InventoryFile) and campaign.damage:
+        _check_costs(campaign.buildings.file, rows)
+    with sweep.told_at_its_place():
+        rows = sweep.of_rows(rows) if campaign.sweep else rows
     return Inputs(
         models,
         rows,
-        found,
-        _assignment(campaign, found.places, rows, len(models)),
+        motions,
+        _assignment(campaign, motions.places, rows, len(models)),
         factors,
         read_class_damage(campaign.damage),
         faults,
+        far,
     )
 
 
-def read_models(wanted: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
+def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
     """The models of files, with what a campaign says of all buildings.
 
     Raises
@@ -130,7 +149,7 @@ def read_models(wanted: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ..
     """
     models: list[Model] = []
     errors: list[ModelError] = []
-    for file in wanted.files:
+    for file in buildings.files:
         try:
             models.append(adapted(load_model(file), analysis))
         except ModelError as error:
@@ -159,7 +178,7 @@ def adapted(model: Model, analysis: AnalysisWishes) -> Model:
     return model
 
 
-def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[ModelError, ...]]:
+def read_rows(buildings: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[ModelError, ...]]:
     """The buildings of an inventory, and what is wrong with those that are left out.
 
     Raises
@@ -167,30 +186,89 @@ def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[Mo
     ModelError
         It cannot be read, or no row can be used.
     """
-    classes = read_classes(wanted.classes) if wanted.classes else None
+    classes = read_classes(buildings.classes) if buildings.classes else None
     rows, faults = read_inventory(
-        wanted.file, wanted.length, mass_only=wanted.mass_only, classes=classes, as_published=wanted.as_published
+        buildings.file,
+        buildings.length,
+        mass_only=buildings.mass_only,
+        classes=classes,
+        as_published=buildings.as_published,
     )
     if not rows:
-        raise ModelError(faults or f"{wanted.file}: has no building")
+        raise ModelError(faults or f"{buildings.file}: has no building")
     return tuple(rows), (ModelError(faults),) if faults else ()
 
 
-def _check_places(campaign: CampaignFile, rows: tuple[InventoryRow, ...]) -> None:
-    """Raise UsageError without an inventory, and ModelError for buildings without a place."""
+def _check_costs(file: str, rows: tuple[InventoryRow, ...]) -> None:
+    """Raise ModelError for costs and numbers of buildings that are none: all of them, before any run."""
+    faults: list[ModelFault] = []
+    for name in (COST, NUMBER):
+        if name in [column.lower() for column in rows[0].columns]:
+            bad = [row.id for row in rows if (text := row.cell(name)) and not number(text) >= 0.0]
+            faults += _faults(file, name, bad, _no_amount) if bad else []
+    if faults:
+        raise ModelError(sorted(faults, key=lambda one: (one.line, one.column)))
+
+
+def _no_amount(_: str, text: str) -> str:
+    return no_number(text, "zero or a positive number")
+
+
+def _placed(
+    campaign: CampaignFile,
+    records: GridFile | FieldFile,
+    motions: GridMotions | FieldMotions,
+    rows: tuple[InventoryRow, ...],
+) -> tuple[tuple[InventoryRow, ...], list[ModelFault], tuple[ModelFault, ...]]:
+    """The buildings that have a place near enough to a site, and those left out: without a place, and too far away. Of
+    fields the nearest site and its distance go before the other columns that are carried along.
+
+    Raises
+    ------
+    UsageError
+        There is no inventory.
+    ModelError
+        None is left.
+    """
     if not isinstance(campaign.buildings, InventoryFile):
         raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
-    lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
-    if lost:
-        file, missing = campaign.buildings.file, "is missing; motions at places need that of each building"
-        columns = (
-            _faults(file, name, lost, lambda text: "" if text else missing) for name in ("Latitude", "Longitude")
-        )
-        raise ModelError(sorted((one for faults in columns for one in faults), key=lambda one: (one.line, one.column)))
+    file, lost = campaign.buildings.file, list[ModelFault]()
+    nowhere = [row.id for row in rows if row.latitude is None or row.longitude is None]
+    if nowhere:
+        missing = "is missing; motions at places need that of each building"
+        for name in ("Latitude", "Longitude"):
+            lost += _faults(file, name, nowhere, lambda _, text: "" if text else missing)
+        lost.sort(key=lambda one: (one.line, one.column))
+    placed = [row for row in rows if row.latitude is not None and row.longitude is not None]
+    if not placed:
+        raise ModelError(lost)
+    sites = nearest(places_of(placed), motions.places, records.distance)
+    away = meters(places_of(placed), [motions.places[site] for site in sites.tolist()])
+    kept, beyond = list[InventoryRow](), dict[str, float]()
+    columns = ("site", "distance_km", *placed[0].columns)
+    for row, site, distance in zip(placed, sites.tolist(), away.tolist(), strict=True):
+        if distance > records.max_distance:
+            beyond[row.id] = distance
+        elif isinstance(motions, FieldMotions):
+            site_cells = json.dumps([motions.sites[site], f"{1e-3 * distance:.6g}"])
+            kept.append(
+                replace(
+                    row, columns=columns, cells=f"{site_cells[:-1]}, {row.cells[1:]}" if row.columns else site_cells
+                )
+            )
+        else:
+            kept.append(row)
+    limit = f"max_distance is {1e-3 * records.max_distance:g} km"
+    far = _faults(
+        file, "Latitude", beyond, lambda id, _: f"{1e-3 * beyond[id]:.4g} km from the nearest site; {limit}"
+    ) if beyond else []  # fmt: skip
+    if not kept:
+        raise ModelError([*lost, *far])
+    return tuple(kept), lost, tuple(far)
 
 
 def _assignment(
-    campaign: CampaignFile, found: GridMotions | FieldMotions | None, rows: tuple[InventoryRow, ...], models: int
+    campaign: CampaignFile, motions: GridMotions | FieldMotions | None, rows: tuple[InventoryRow, ...], models: int
 ) -> Assignment | None:
     """The motions of each building: draws near it, or the events of the nearest site, of the one that it names, or,
     without sites, all; None for all motions.
@@ -202,46 +280,45 @@ def _assignment(
     ModelError
         Buildings have no place or no site, or a site that no event is at.
     """
-    wanted = campaign.records
-    if found is None or not isinstance(wanted, GridFile | FieldFile):
+    records = campaign.records
+    if motions is None or not isinstance(records, GridFile | FieldFile):
         return None
-    if isinstance(found, GridMotions):
-        assert isinstance(wanted, GridFile)
-        return GridDraws(rows, found, wanted)
-    if found.sites == ("",):
-        return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
-    if found.places:
-        _check_places(campaign, rows)
-        return FieldDraws(found, found.nearest(rows, wanted.distance))
+    if isinstance(motions, GridMotions):
+        assert isinstance(records, GridFile)
+        return GridDraws(rows, motions, records)
+    if motions.sites == ("",):
+        return FieldDraws(motions, np.zeros(len(rows) or models, dtype=np.int64))
+    if motions.places:
+        return FieldDraws(motions, motions.nearest(rows, records.distance))
     if not rows or "site" not in [name.lower() for name in rows[0].columns]:
         raise UsageError(
             f"{campaign.source}: events at sites need an inventory with a column `site`, or `sites` of the records, a "
             "file of their places"
         )
-    numbers = {site: number for number, site in enumerate(found.sites)}
+    numbers = {site: number for number, site in enumerate(motions.sites)}
     named = [row.cell("site") for row in rows]
     lost = [row.id for row, site in zip(rows, named, strict=True) if site not in numbers]
     if lost and isinstance(campaign.buildings, InventoryFile):
-        known = f"is not in {wanted.file}; known: {', '.join(found.sites[:5])}{' ...' * (len(numbers) > 5)}"
-        raise ModelError(_faults(campaign.buildings.file, "site", lost, lambda text: f"{text!r} {known}"))
-    return FieldDraws(found, np.array([numbers[site] for site in named], dtype=np.int64))
+        reason = f"is not in {records.file}; known: {', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
+        raise ModelError(_faults(campaign.buildings.file, "site", lost, lambda _, text: f"{text!r} {reason}"))
+    return FieldDraws(motions, np.array([numbers[site] for site in named], dtype=np.int64))
 
 
-def _faults(file: str, column: str, ids: Collection[str], message: Callable[[str], str]) -> list[ModelFault]:
-    """Where some buildings of an inventory stand, and what is wrong with their cells in a column; nothing to say of a
-    cell is no fault."""
+def _faults(file: str, column: str, ids: Collection[str], message: Callable[[str, str], str]) -> list[ModelFault]:
+    """Where some buildings of an inventory stand, and what is wrong with their cells in a column, by their id and what
+    stands there; nothing to say of a cell is no fault."""
     table = read_table(file, "an inventory", columns=("id", column))
     table.need(column)
-    rows, wanted = zip(table.lines("id"), table.texts(column), strict=True), set(ids)
+    rows, lost = zip(table.lines("id"), table.texts(column), strict=True), set(ids)
     place = table.header.index(column.lower()) + 1
     return [
         ModelFault(file, line, place, column, said)
         for (line, name), text in rows
-        if name in wanted and (said := message(text))
+        if name in lost and (said := message(name, text))
     ]
 
 
-def read_motions(wanted: RecordFiles) -> FoundMotions:
+def read_motions(records: RecordFiles) -> FoundMotions:
     """The records of files and folders.
 
     Raises
@@ -249,14 +326,14 @@ def read_motions(wanted: RecordFiles) -> FoundMotions:
     RecordError
         None can be used: why, one line each.
     """
-    suite = read_suite(wanted.files, wanted.choice, wanted.pairs)
+    suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)) or "there is no record in this campaign")
     said = [f"{record.source}: {record.component}: {text}" for record in suite.records for text in record.warnings]
     return FoundMotions(suite_motions(suite.motions), suite.failures, (*suite.notes, *said))
 
 
-def read_sequences(wanted: SequenceFile) -> FoundMotions:
+def read_sequences(sequences: SequenceFile) -> FoundMotions:
     """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the file) and, if they
     are wanted, component and factor; shocks of one sequence stand below each other.
 
@@ -268,7 +345,7 @@ def read_sequences(wanted: SequenceFile) -> FoundMotions:
         No sequence can be used: why, one line each.
     """
     needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last two may be left out"
-    table = read_table(wanted.file, needs, columns=_SHOCK_COLUMNS)
+    table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     components = table.texts("component") if table.has("component") else [""] * len(table.rows)
     factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
@@ -277,12 +354,12 @@ def read_sequences(wanted: SequenceFile) -> FoundMotions:
     )
     shocks: dict[str, list[_Shock]] = {}
     for name, record, component, (line, text) in rows:
-        file = resolve(record, Path(wanted.file).parent)
-        shocks.setdefault(name, []).append(_Shock(file, component, _factor(wanted.file, line, text or "1")))
+        file = resolve(record, Path(sequences.file).parent)
+        shocks.setdefault(name, []).append(_Shock(file, component, _factor(sequences.file, line, text or "1")))
     motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
     for name, of_one in shocks.items():
         try:
-            motions += _sequence(name, of_one, wanted, notes)
+            motions += _sequence(name, of_one, sequences, notes)
         except (RecordError, UsageError) as error:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
@@ -299,28 +376,28 @@ class _Shock(NamedTuple):
 
 
 def _sequence(
-    name: str, shocks: Sequence[_Shock], wanted: SequenceFile, notes: dict[str, None]
+    name: str, shocks: Sequence[_Shock], sequences: SequenceFile, notes: dict[str, None]
 ) -> Iterator[SuiteMotion]:
     """A motion for each component that all shocks of a sequence have."""
-    found: list[list[Record]] = []
+    of_shocks: list[list[Record]] = []
     for shock in shocks:
-        choice = replace(wanted.choice, component=shock.component or wanted.choice.component)
+        choice = replace(sequences.choice, component=shock.component or sequences.choice.component)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
         notes |= dict.fromkeys(
             (*suite.notes, *(f"{one.source}: {text}" for one in suite.records for text in one.warnings))
         )
-        found.append([record.scaled(shock.factor) for record in suite.records])
-    names = [[record.component for record in records] for records in found]
+        of_shocks.append([record.scaled(shock.factor) for record in suite.records])
+    names = [[record.component for record in records] for records in of_shocks]
     if any(one != names[0] for one in names) and any(len(one) > 1 for one in names):
         raise RecordError("its records have different components; name one of each in the column component")
-    for records in zip(*found, strict=True):
-        whole = JoinedRecord.of(records, wanted.rest)
+    for records in zip(*of_shocks, strict=True):
+        whole = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
 
 
-def read_factors(wanted: FactorsFile) -> FactorTable:
+def read_factors(factors_file: FactorsFile) -> FactorTable:
     """Factors from a CSV file with the columns record, component (empty for all components) and factor.
 
     Raises
@@ -328,15 +405,29 @@ def read_factors(wanted: FactorsFile) -> FactorTable:
     ModelError
         It cannot be read.
     """
-    file = wanted.file
+    file = factors_file.file
     needs = f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` writes such a file"
     table = read_table(file, needs, columns=_FACTOR_COLUMNS)
     table.need(*_FACTOR_COLUMNS)
     names = zip(table.texts("record"), table.texts("component"), strict=True)
-    known: dict[tuple[str, str], dict[float, None]] = {}
+    by_motion: dict[tuple[str, str], dict[float, None]] = {}
     for name, (line, text) in zip(names, table.lines("factor"), strict=True):
-        known.setdefault(name, {})[_factor(file, line, text)] = None
-    return FactorTable(file, {name: tuple(factors) for name, factors in known.items()})
+        by_motion.setdefault(name, {})[_factor(file, line, text)] = None
+    return FactorTable(file, {name: tuple(factors) for name, factors in by_motion.items()}, _told_beside(file))
+
+
+def _told_beside(file: str) -> Mapping[str, Any]:
+    """What `tdint scale` wrote beside a table of factors, if it is of this one; a table needs no such file."""
+    beside = Path(file.removesuffix(".gz")).with_suffix(".json")
+    try:
+        told = json.loads(text := read_at_most(beside, MOST_BYTES, ModelError))
+        content = read_at_most(file, MOST_BYTES, ModelError)
+        ours = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == sha256(content).hexdigest()
+    except (OSError, ValueError, KeyError, TypeError, ModelError):
+        return {}
+    if ours:
+        note_input(beside, text)
+    return dict(told) if ours else {}
 
 
 def _factor(file: str, line: int, text: str) -> float:

@@ -17,11 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array
-from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
+from tdint.campaign.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
-from tdint.model.inventory.table import InventoryRow
+from tdint.model.inventory import InventoryRow
+
+MAX_DISTANCE = 15e3
+"""Of a building from the site whose motions it gets, m; `asset_hazard_distance` of OpenQuake has this by default."""
+
+_EARTH = 6371e3  # m, mean radius
 
 
 class Draw(NamedTuple):
@@ -35,7 +41,7 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class FieldMotions:
-    """Ground motions of events at sites.
+    """Ground motions of events at sites: rows in the order of the sites, of which there may be millions.
 
     Attributes
     ----------
@@ -43,21 +49,55 @@ class FieldMotions:
         The events, which are numbered from 1.
     sites : tuple of str
         The sites.
-    motions : tuple of tuples of Draw
-        Of each site the motions there; the number of a draw is that of its event.
+    start : ndarray of int, shape (sites + 1,)
+        The first row of each site, and how many there are.
+    event, record : ndarray of int, shape (rows,)
+        The number of the event, and of the record that it brings there.
+    value : ndarray, shape (rows,)
+        The factor on the record, or the intensity that it is brought to.
+    motions : tuple of tuples of (int, float)
+        Of each record its motions by their numbers, and what a value is divided by for their factor.
     places : sequence of tuples of two floats
         Longitude and latitude of the sites, degrees; empty where buildings name theirs.
     """
 
     events: tuple[str, ...]
     sites: tuple[str, ...] = field(repr=False)
-    motions: tuple[tuple[Draw, ...], ...] = field(repr=False)
+    start: NDArray[np.int64] = field(repr=False)
+    event: NDArray[np.int32] = field(repr=False)
+    record: NDArray[np.int32] = field(repr=False)
+    value: Array = field(repr=False)
+    motions: tuple[tuple[tuple[int, float], ...], ...] = field(repr=False)
     places: Sequence[tuple[float, float]] = field(default=(), repr=False)
+
+    @classmethod
+    def of_rows(
+        cls,
+        events: Sequence[str],
+        sites: Sequence[str],
+        rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array],
+        motions: Sequence[tuple[tuple[int, float], ...]],
+        places: Sequence[tuple[float, float]] = (),
+    ) -> FieldMotions:
+        """Of rows in any order: site, event, record and value of each."""
+        site, event, record, value = rows
+        order = np.argsort(site, kind="stable")
+        start = np.searchsorted(site[order], np.arange(len(sites) + 1))
+        return cls(
+            tuple(events), tuple(sites), start, event[order], record[order], value[order], tuple(motions), places
+        )
+
+    def draws(self, site: int) -> list[Draw]:
+        """The motions at a site; the number of a draw is that of its event."""
+        here = slice(int(self.start[site]), int(self.start[site + 1]))
+        rows = zip(self.event[here].tolist(), self.record[here].tolist(), self.value[here].tolist(), strict=True)
+        return sorted(
+            Draw(motion, event, value / part) for event, record, value in rows for motion, part in self.motions[record]
+        )
 
     def nearest(self, rows: Sequence[InventoryRow], distance: str) -> NDArray[np.int64]:
         """Of each building, all of which have a place, the number of the nearest site."""
-        here, there = (coordinates(places, distance) for places in (places_of(rows), self.places))
-        return np.asarray(cKDTree(there).query(here)[1], dtype=np.int64)
+        return nearest(places_of(rows), self.places, distance)
 
 
 @dataclass(frozen=True)
@@ -77,11 +117,16 @@ class FieldDraws:
     site_of: NDArray[np.int64]
 
     def draws(self, building: int) -> Sequence[Draw]:
-        return self.field.motions[self.site_of[building]]
+        return self.field.draws(int(self.site_of[building]))
+
+    def alike(self, building: int) -> int:
+        return int(self.site_of[building])
 
     def description(self) -> dict[str, object]:
-        whole = repr((self.field.sites, self.field.motions, self.site_of.tolist()))
-        return {"events": self.field.events, "field_sha256": hashlib.sha256(whole.encode()).hexdigest()}
+        field, whole = self.field, hashlib.sha256(repr((self.field.sites, self.field.motions)).encode())
+        for part in (field.start, field.event, field.record, field.value, self.site_of):
+            whole.update(part.tobytes())
+        return {"events": field.events, "field_sha256": whole.hexdigest()}
 
 
 PointMotion = tuple[tuple[int, ...], float]
@@ -106,12 +151,14 @@ class GridMotions:
 
 @dataclass(frozen=True)
 class FoundMotions:
-    """Ground motions that were read, what could not be, what a person should know of them, and where they are."""
+    """Ground motions that were read, what could not be, what a person should know of them, where they are, and how
+    often their events come in a year."""
 
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
     places: GridMotions | FieldMotions | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -123,6 +170,10 @@ class EveryMotion:
     def draws(self, building: int) -> Sequence[Draw]:
         """The motions of a building."""
         return [Draw(motion, 0) for motion in range(self.count)]
+
+    def alike(self, building: int) -> int:
+        """A number that buildings share which get the same motions."""
+        return 0
 
     def description(self) -> dict[str, object]:
         """What is drawn and how, for the fingerprint."""
@@ -147,6 +198,8 @@ class GridFile:
         As of `tdint.campaign.motions.COORDINATES`.
     events : bool
         Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
+    max_distance : float
+        Buildings whose nearest point is farther away are left out, m.
     """
 
     file: str
@@ -156,6 +209,7 @@ class GridFile:
     seed: int
     distance: str = "km"
     events: bool = False
+    max_distance: float = MAX_DISTANCE
 
 
 @dataclass(frozen=True)
@@ -181,12 +235,15 @@ class GridDraws:
         random = np.random.default_rng([self.wanted.seed, *self.rows[building].id.encode()])
         near, weights = self.weights(building)
         points = random.choice(near, size=self.wanted.samples, p=weights)
-        found = []
+        drawn = []
         for sample, point in enumerate(points.tolist(), start=1):
             choices = self.grid.motions[point]
             chosen, factor = choices[int(random.integers(len(choices)))]
-            found += [Draw(motion, sample, factor) for motion in chosen]
-        return sorted(found)
+            drawn += [Draw(motion, sample, factor) for motion in chosen]
+        return sorted(drawn)
+
+    def alike(self, building: int) -> int:
+        return building
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """The points near a building, and how likely each is: by 1 / distance^2."""
@@ -197,9 +254,9 @@ class GridDraws:
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        wanted, grid = self.wanted, repr((self._points.tolist(), self.grid.motions))
-        numbers = {"neighbors": wanted.neighbors, "samples": wanted.samples, "draw_seed": wanted.seed}
-        return {**numbers, "distance": wanted.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
+        grid_file, grid = self.wanted, repr((self._points.tolist(), self.grid.motions))
+        numbers = {"neighbors": grid_file.neighbors, "samples": grid_file.samples, "draw_seed": grid_file.seed}
+        return {**numbers, "distance": grid_file.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
 
     @cached_property
     def _places(self) -> Array:
@@ -221,6 +278,19 @@ Assignment = EveryMotion | FieldDraws | GridDraws
 def places_of(rows: Sequence[InventoryRow]) -> list[tuple[float, float]]:
     """Longitude and latitude of buildings, degrees."""
     return [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+
+
+def nearest(
+    here: Sequence[tuple[float, float]], there: Sequence[tuple[float, float]], distance: str
+) -> NDArray[np.int64]:
+    """Of each place the number of the nearest of others."""
+    return np.asarray(cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64)
+
+
+def meters(here: Sequence[tuple[float, float]], there: Sequence[tuple[float, float]]) -> Array:
+    """The distance of each place from another one on the earth, m."""
+    chord = np.linalg.norm(coordinates(here, "km") - coordinates(there, "km"), axis=1)
+    return np.asarray(2.0 * _EARTH * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
 def coordinates(places: Sequence[tuple[float, float]], distance: str) -> Array:
@@ -282,10 +352,13 @@ class FactorTable:
         The file as the user named it.
     by_name : mapping
         (record, component) -> factors.
+    scaled : mapping
+        What `tdint scale` told beside the file of how they came about; empty where it did not.
     """
 
     source: str
     by_name: Mapping[tuple[str, str], tuple[float, ...]]
+    scaled: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
         """The factors of a motion: by its own name, by its file's, by its pair's.
@@ -335,7 +408,7 @@ class MeasureLevels:
     values : tuple of float
         The values, in SI units.
     pair : str
-        What stands for a pair of components, a name of `tdint.campaign.suites.intensity.PAIRS`.
+        What stands for a pair of components, a name of `tdint.campaign.intensity.PAIRS`.
     motions : sequence of SuiteMotion
         What is brought to them.
     """
@@ -356,20 +429,22 @@ class MeasureLevels:
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Both components of a pair have the same ones."""
-        whole, found = self.motions[motion].whole, dict[float, tuple[float, ...]]()
+        whole, by_period = self.motions[motion].whole, dict[float, tuple[float, ...]]()
         for period in dict.fromkeys(self._at(periods)):
             measure = self.measure(period)
             measured = measure.of(whole, self.pair)
-            found[period] = tuple(factor_to(value, measure, measured) for value in self.values)
-        return [found[period] for period in self._at(periods)]
+            by_period[period] = tuple(factor_to(value, measure, measured) for value in self.values)
+        return [by_period[period] for period in self._at(periods)]
 
     def _at(self, periods: Sequence[float]) -> Sequence[float]:
         return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
-        name = self.measure(1.0).name.partition("(")[0]
+        measure = self.measure(1.0)
+        name, damping = measure.name.partition("(")[0], getattr(measure, "damping", SA_DAMPING)
         period = "T1" if self.period is None else self.period
-        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}
+        other = {} if damping == SA_DAMPING else {"damping": damping}
+        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair, **other}
 
 
 Levels = Scales | GivenFactors | MeasureLevels

@@ -6,28 +6,29 @@ A plan is made of what was read: nothing is opened here.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.run import Subject
-from tdint.campaign.buildings import Buildings, Rules, given_buildings, inventory_buildings
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile
-from tdint.campaign.engine.batch import Chunk, building_step
-from tdint.campaign.engine.runs import BuildingRuns, Run, RunSettings, Source
+from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
+from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
-from tdint.errors import ModelError, TdintError, UsageError
+from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
-from tdint.model.building import falling_stories
 from tdint.model.definition import Model
+from tdint.model.plausibility import PGA, doubts, unusual
+from tdint.units import STANDARD_GRAVITY
 
 _COLLAPSE_DRIFT = 0.10
 """Of buildings by rules, where a campaign says nothing of it."""
@@ -69,6 +70,16 @@ class Plan:
         How damage is told, where it is.
     inventory : tuple of str
         The files of the inventory, if its rows are the buildings.
+    far : tuple of ModelFault
+        Rows of the inventory that are left out, for they are too far from any site.
+    outputs : tuple of str or None
+        The tables that are written; None: all that there are.
+    rates : mapping of str to float
+        How often events come in a year, as far as it is told.
+    factors : str
+        The file of the factors on the motions, if there is one.
+    scaled : mapping
+        What `tdint scale` told beside it of how they came about; empty where it did not, or not of these.
     """
 
     name: str
@@ -81,20 +92,30 @@ class Plan:
     notes: tuple[str, ...] = ()
     damage: Damage | None = None
     inventory: tuple[str, ...] = ()
+    far: tuple[ModelFault, ...] = ()
+    outputs: tuple[str, ...] | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+    factors: str = ""
+    scaled: Mapping[str, Any] = field(default_factory=dict)
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
     def unused(self) -> list[tuple[str, str]]:
         """Of each record and row of an inventory that could not be used `record` or `building`, and why."""
-        found: dict[tuple[str, str], list[str]] = {}
+        reasons_of: dict[tuple[str, str], list[str]] = {("building", str(fault)): [str(fault)] for fault in self.far}
         for error in self.failures:
             if not isinstance(error, ModelError):
-                found[("record", str(error))] = [str(error)]
+                reasons_of[("record", str(error))] = [str(error)]
             else:
                 for fault in error.faults:
-                    found.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(str(fault))
-        return [(kind, "; ".join(reasons)) for (kind, _), reasons in found.items()]
+                    reasons_of.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(str(fault))
+        return [(kind, "; ".join(reasons)) for (kind, _), reasons in reasons_of.items()]
+
+    @property
+    def models(self) -> list[Model]:
+        """The models of its buildings, where they come from files; none of an inventory."""
+        return [one.made.model for one in self.buildings if isinstance(one, GivenBuilding)]
 
     @property
     def runs(self) -> int:
@@ -126,7 +147,7 @@ class Plan:
 
     def check_steps(self) -> None:
         """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
-        from tdint.analysis.run.steps import choose_steps
+        from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
         analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
@@ -141,13 +162,12 @@ class Plan:
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
         """Runs of each building."""
-        return np.array(
-            [
-                sum(self.levels.count(draw.motion) for draw in self.assignment.draws(b))
-                for b in range(len(self.buildings))
-            ],
-            dtype=np.int64,
-        )
+        counts: dict[int, int] = {}
+        alike = [self.assignment.alike(building) for building in range(len(self.buildings))]
+        for building, key in enumerate(alike):
+            if key not in counts:
+                counts[key] = sum(self.levels.count(draw.motion) for draw in self.assignment.draws(building))
+        return np.array([counts[key] for key in alike], dtype=np.int64)
 
     @cached_property
     def _ends(self) -> NDArray[np.int64]:
@@ -177,7 +197,7 @@ class Plan:
         sources = [self.buildings[number] for number, _ in chosen]
         draws = [self.assignment.draws(number) for number, _ in chosen]
         factors = self._factors(sources, draws)
-        found = []
+        parts = []
         for place, (number, part) in enumerate(chosen):
             runs = [
                 Run(draw.motion, self._in_grid(draw) * scale, draw.sample)
@@ -185,8 +205,8 @@ class Plan:
                 for scale in factors[place, draw.motion]
             ]
             largest = self._largest_step(number, sources[place], runs)
-            found.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
-        return tuple(found)
+            parts.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
+        return tuple(parts)
 
     def _in_grid(self, draw: Draw) -> float:
         """What a draw's own factor leaves to be multiplied: of levels of a value its sign alone."""
@@ -240,21 +260,30 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     UsageError
         A time step that does not fit.
     """
-    found, notes = inputs.motions, list[str]()
+    motions, notes = inputs.motions, list[str]()
     buildings = _buildings(campaign, inputs, notes)
+    levels = _levels(campaign, inputs)
+    if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
+        peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
+        notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     if damage and not campaign.settings.until_rest and any("residual" in one.demand for one in damage.types.values()):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
-        motions=found.motions,
-        assignment=inputs.assignment or EveryMotion(len(found.motions)),
-        levels=_levels(campaign, inputs),
+        motions=motions.motions,
+        assignment=inputs.assignment or EveryMotion(len(motions.motions)),
+        levels=levels,
         settings=campaign.settings,
-        failures=(*found.failures, *inputs.faults),
-        notes=(*notes, *found.notes),
+        failures=(*motions.failures, *inputs.faults),
+        far=inputs.far,
+        outputs=campaign.outputs,
+        rates=motions.rates,
+        notes=(*notes, *motions.notes),
         damage=damage,
+        factors=inputs.factors.source if inputs.factors else "",
+        scaled=inputs.factors.scaled if inputs.factors else {},
         inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
     )
     plan.check_steps()
@@ -262,9 +291,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    wanted, analysis = campaign.buildings, campaign.analysis
-    if isinstance(wanted, InventoryFile):
-        return inventory_buildings(inputs.rows, _rules(wanted, analysis, notes))
+    buildings, analysis = campaign.buildings, campaign.analysis
+    if isinstance(buildings, InventoryFile):
+        with (campaign.sweep or ParameterSweep()).told_at_its_place():
+            return inventory_buildings(inputs.rows, _rules(buildings, analysis, notes))
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
     return given_buildings([_subject(model, analysis.method, notes) for model in inputs.models])
@@ -272,22 +302,23 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
 
 def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
     """A building with its method: that of the campaign, of the model, or the default, which is noted."""
-    notes += [f"{model.source}: {text}" for text in falling_stories(model)]
     chosen = method or model.analysis.method
     if chosen is None:
         chosen = DEFAULT_METHOD
         notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
-    return Subject(model, chosen)
+    subject = Subject(model, chosen)
+    notes += [f"{model.source}: {text}" for text in doubts(model, subject.prepared.building)]
+    return subject
 
 
-def _rules(wanted: InventoryFile, analysis: AnalysisWishes, notes: list[str]) -> Rules:
+def _rules(inventory: InventoryFile, analysis: AnalysisWishes, notes: list[str]) -> Rules:
     if analysis.method is None:
         notes.append(f"no method is named, {DEFAULT_METHOD} is used")
     return Rules(
-        name=wanted.rules,
-        stiffness=wanted.stiffness_scatter,
-        damping=wanted.damping_scatter,
-        seed=wanted.seed,
+        name=inventory.rules,
+        stiffness=inventory.stiffness_scatter,
+        damping=inventory.damping_scatter,
+        seed=inventory.seed,
         method=analysis.method or DEFAULT_METHOD,
         collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
         p_delta=bool(analysis.p_delta),
@@ -295,10 +326,10 @@ def _rules(wanted: InventoryFile, analysis: AnalysisWishes, notes: list[str]) ->
 
 
 def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
-    wanted = campaign.intensity
-    if isinstance(wanted, Scales):
-        return wanted
-    if isinstance(wanted, MeasureLevels):
-        return replace(wanted, motions=inputs.motions.motions)
+    intensity = campaign.intensity
+    if isinstance(intensity, Scales):
+        return intensity
+    if isinstance(intensity, MeasureLevels):
+        return replace(intensity, motions=inputs.motions.motions)
     assert inputs.factors is not None
     return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions.motions)})

@@ -12,21 +12,25 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.run import Subject, run_case
 from tdint.analysis.spectra.elastic import SA_DAMPING
+from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
-from tdint.campaign.engine.runs import Run
-from tdint.campaign.store.store import Store
-from tdint.campaign.suites.intensity import SPECTRAL, measure_at
+from tdint.campaign.batch import Run
+from tdint.campaign.intensity import SPECTRAL, measure_at
+from tdint.campaign.plan import Plan
+from tdint.campaign.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles
-from tdint.ground_motion.pairing import motion_name
+from tdint.ground_motion.horizontals import at_right_angles, motion_name
 from tdint.model.damage_states import DONE, FALLEN
-from tdint.quantity import Quantity
+from tdint.system import on_threads
+from tdint.units import Quantity
 
 DRIFT_RATIO = "peak_drift_ratio"
 _RANK = ("level", "")
@@ -153,7 +157,7 @@ class Ratios:
     max: Array
 
 
-def ratios(found: Sequence[Profile], baseline: str) -> list[Ratios]:
+def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """Of all buildings over the one of this name, level by level; without that one itself.
 
     Raises
@@ -161,34 +165,34 @@ def ratios(found: Sequence[Profile], baseline: str) -> list[Ratios]:
     UsageError
         There is no such building, or it is the only one.
     """
-    names = list(dict.fromkeys(one.building for one in found))
+    names = list(dict.fromkeys(one.building for one in profiles))
     if baseline not in names:
         raise UsageError(
             f"there is no building {baseline!r}{did_you_mean(baseline, names)}; there are {', '.join(names)}"
         )
     if len(names) == 1:
         raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
-    bases = {(repr(one.scale), repr(one.level)): one for one in found if one.building == baseline}
+    bases = {(repr(one.scale), repr(one.level)): one for one in profiles if one.building == baseline}
     return [
-        _ratios(one, base, quantity)
-        for one in found
-        if one.building != baseline and (base := bases.get((repr(one.scale), repr(one.level)))) is not None
+        _ratios(profile, base, quantity)
+        for profile in profiles
+        if profile.building != baseline and (base := bases.get((repr(profile.scale), repr(profile.level)))) is not None
         for quantity in STORY
     ]
 
 
-def _ratios(one: Profile, base: Profile, quantity: Quantity) -> Ratios:
-    ours, theirs = one.statistics(quantity), base.statistics(quantity)
+def _ratios(profile: Profile, base: Profile, quantity: Quantity) -> Ratios:
+    ours, theirs = profile.statistics(quantity), base.statistics(quantity)
     values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
-    return Ratios(one.building, base.building, one.scale, one.level, quantity, **values)
+    return Ratios(profile.building, base.building, profile.scale, profile.level, quantity, **values)
 
 
 def _over(ours: Array, theirs: Array) -> Array:
     common = min(ours.size, theirs.size)
     tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
     over, under = np.concatenate([[tops[0]], ours[:common]]), np.concatenate([[tops[1]], theirs[:common]])
-    known = (under > 0.0) & np.isfinite(over)
-    return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=known))
+    positive = (under > 0.0) & np.isfinite(over)
+    return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=positive))
 
 
 class DriftCheck(NamedTuple):
@@ -229,7 +233,14 @@ def profiles(store: Store) -> Iterator[Profile]:
         return
     records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
     for number, (name, _) in store.buildings().items():
-        kept = _stories(store, number)
+        # The values of the stories of each run, with their errors where the campaign has estimated them.
+        quantities = [one.column for one in STORY]
+        columns = ", ".join(("height_m", *quantities, *(f"{name}_error" for name in quantities if store.checked)))
+        query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
+        by_run: dict[Run, list[list[float]]] = defaultdict(list)
+        for record, scale, sample, *values in store.connection.execute(query, (number,)):
+            by_run[Run(record, scale, sample)].append(values)
+        kept = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
         for level in suite_levels(store, number):
             motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
             counts_of = (level.pairs, level.collapsed, level.failed)
@@ -319,8 +330,8 @@ def has_levels(store: Store) -> bool:
     """Whether a level is more than one factor on all motions, or one on each."""
     settings = {name: json.loads(value) for name, value in store.settings().items()}
     several = any(len(values) > 1 for values in settings.get("factors", {}).values())
-    own = "grid_sha256" in settings or "field_sha256" in settings
-    return "levels" in settings or several or (own and len(settings.get("scales", ())) > 1)
+    placed = "grid_sha256" in settings or "field_sha256" in settings
+    return "levels" in settings or several or (placed and len(settings.get("scales", ())) > 1)
 
 
 def _peaks(
@@ -332,11 +343,11 @@ def _peaks(
         nothing = {one.name: np.empty((0, stories)) for one in STORY}
         return np.full(stories, math.nan), nothing, nothing if checked else {}
     # A residual drift has a sign.
-    found = [np.abs([kept[key] for key in keys]) for keys in level.stood]
-    values, errors = ([one[:, :, part] for one in found] for part in (slice(1, _OWN), slice(_OWN, None)))
+    stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
+    values, errors = ([one[:, :, part] for one in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
     peaks = np.stack([_of_motion(one) for one in values], axis=-1)
     off = [_may_add(_of_motion, *one) for one in zip(values, errors, strict=True)] if checked else []
-    return found[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
+    return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
 
 
 def _of_motion(runs: Array) -> Array:
@@ -355,28 +366,18 @@ def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int
     groups: dict[str, list[int]] = defaultdict(list)
     for number, (name, _, _) in records.items():
         groups[motion_name(name)].append(number)
-    found = {number: number for number in records}
+    numbers = {number: number for number in records}
     for first, *others in groups.values():
         if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
-            found[others[0]] = first
+            numbers[others[0]] = first
     for number, (_, _, direction) in records.items():
         if direction > 1:
-            found[number] = number - 1
-    return found
+            numbers[number] = number - 1
+    return numbers
 
 
 _OWN = 1 + len(STORY)
 """Where errors begin among the columns of a story: behind its height and its quantities."""
-
-
-def _stories(store: Store, building: int) -> dict[Run, Array]:
-    own = [one.column for one in STORY]
-    columns = ", ".join(("height_m", *own, *(f"{name}_error" for name in own if store.checked)))
-    query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
-    found: dict[Run, list[list[float]]] = defaultdict(list)
-    for record, scale, sample, *values in store.connection.execute(query, (building,)):
-        found[Run(record, scale, sample)].append(values)
-    return {key: np.array(rows, dtype=np.float64) for key, rows in found.items()}
 
 
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
@@ -395,3 +396,146 @@ def _by_level(runs: Iterable[Run]) -> list[list[Run]]:
     for key, rank in level_ranks(runs).items():
         levels[rank].append(key)
     return [levels[rank] for rank in sorted(levels)]
+
+
+# ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the motions
+
+
+@dataclass(frozen=True)
+class FloorChoice:
+    """Floors by their names (numbers, or roof), periods (s) and damping ratios of their spectra."""
+
+    floors: tuple[str, ...]
+    periods: Array
+    damping: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RunFloors:
+    """The spectra of the floors of a run.
+
+    Attributes
+    ----------
+    building : int
+        Its number in the store.
+    run : Run
+        The run.
+    spectra : tuple of FloorSpectrum
+        By floor, then damping.
+    """
+
+    building: int
+    run: Run
+    spectra: tuple[FloorSpectrum, ...]
+
+
+@dataclass(frozen=True)
+class FloorSuite:
+    """Pseudo-accelerations of a floor of a building under a suite at one level.
+
+    Attributes
+    ----------
+    building : str
+        Its name.
+    scale, level : float
+        As in `tdint.campaign.profiles.Profile`.
+    floor : int
+        From 1 at the bottom.
+    damping : float
+        Of the oscillators on it.
+    periods : ndarray, shape (k,)
+        Natural periods, s.
+    psa : ndarray, shape (motions, k)
+        Of each motion that came to its end, m/s^2; of a pair the larger component at each period.
+    runs, collapsed, failed : int
+        Motions, and those that are in no number.
+    measure : tuple of str
+        As in `Profile`.
+    """
+
+    building: str
+    scale: float
+    level: float
+    floor: int
+    damping: float
+    periods: Array
+    psa: Array
+    runs: int
+    collapsed: int
+    failed: int
+    measure: tuple[str, str]
+
+    @property
+    def mean(self) -> Array:
+        """Over the motions."""
+        return np.asarray(np.mean(self.psa, axis=0))
+
+    @property
+    def envelope(self) -> Array:
+        """The largest of any motion."""
+        return np.asarray(np.max(self.psa, axis=0))
+
+
+def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
+    """The spectra of the floors of all runs of a campaign that came to their end: each run is done once more, with its
+    history, over the steps that the store tells.
+
+    Raises
+    ------
+    UsageError
+        A building has no such floor.
+    """
+    done = store.connection.execute(
+        "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY 1, 2, 3, 4"
+    ).fetchall()
+    floors: list[RunFloors] = []
+    buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
+    for building, record, scale, sample, dt in done:
+        buildings[building].append((Run(record, scale, sample), dt))
+    for building, runs in buildings.items():
+        subject = plan.buildings[building].subject()
+        floor_numbers(choice.floors, plan.buildings[building].stories)
+        floors += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
+    return sorted(floors, key=lambda one: (one.building, one.run))
+
+
+def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
+    key, dt = run
+    settings = plan.settings
+    response = run_case(
+        subject.case(plan.motions[key.motion].record, key.scale),
+        dt=dt,
+        duration=settings.duration,
+        history=True,
+        until_rest=settings.until_rest,
+    )
+    return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))
+
+
+def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
+    """The spectra over the motions of each building, level, floor and damping ratio; none where no motion came to its
+    end."""
+    of_buildings: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
+    for floor_run in floors:
+        of_buildings[floor_run.building][floor_run.run] = floor_run.spectra
+    names = store.buildings()
+    for number, spectra in of_buildings.items():
+        for level in suite_levels(store, number):
+            if not level.stood:
+                continue
+            runs = len(level.stood) + level.collapsed + level.failed
+            for i, shown in enumerate(spectra[level.stood[0][0]]):
+                psa = [np.max([spectra[run][i].spectrum.psa for run in motion], axis=0) for motion in level.stood]
+                yield FloorSuite(
+                    building=names[number][0],
+                    scale=level.scale,
+                    level=level.value,
+                    floor=shown.floor,
+                    damping=shown.spectrum.damping,
+                    periods=shown.spectrum.periods,
+                    psa=np.array(psa),
+                    runs=runs,
+                    collapsed=level.collapsed,
+                    failed=level.failed,
+                    measure=level.measure,
+                )

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import partial
 from pathlib import Path
 
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, InventoryFile, ModelFiles, RecordFiles
-from tdint.campaign.engine.runs import RunSettings
+from tdint.campaign.batch import RunSettings
+from tdint.campaign.definition import (
+    AnalysisWishes,
+    CampaignFile,
+    FactorsFile,
+    FieldFile,
+    InventoryFile,
+    ModelFiles,
+    RecordFiles,
+    SequenceFile,
+    Varied,
+    read_sweep,
+)
+from tdint.campaign.definition import positive as _positive
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
-from tdint.campaign.motion_reader import MOTIONS, SEED, read_wanted_motions
-from tdint.campaign.motions import MeasureLevels, Scales
-from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
-from tdint.campaign.sweep import Varied, read_sweep
-from tdint.campaign.sweep import positive as _positive
+from tdint.campaign.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
+from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.csv_table import number
 from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import USUAL, PairNames
 from tdint.ground_motion.processing import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.inventory.derive import CAPACITY, RULES
+from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
+from tdint.model.config.sections import read_sample_units
+from tdint.model.inventory import CAPACITY, RULES
 from tdint.model.keys.document import read_document
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import (
+from tdint.model.keys.fields import (
     ANY,
     POSITIVE,
     POSITIVE_RATIO,
@@ -33,9 +46,152 @@ from tdint.model.keys.kinds import (
     Key,
     Keys,
     Schema,
+    Section,
+    Value,
+    Whole,
     Words,
 )
 from tdint.units import LENGTH, parse_units
+
+# ---- What a campaign file says of its ground motions, under `records`: files, sequences, fields or a grid
+
+SEED = Whole(0, 2**31 - 1)
+_FILES = (
+    Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
+    Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
+    Key(
+        "pairs",
+        Either((Flag(), Words())),
+        "take the two horizontals of a motion together: they share their factors; true, or how the files are named: "
+        "'{}_N.AT2,{}_E.AT2'",
+    ),
+    Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+    *LAYOUT,
+    *PROCESSING,
+)
+_GRID = (
+    Key("grid", Words(), "EventGrid.csv, relative to this file"),
+    Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
+    Key("samples", Whole(1, 100_000), "draws for each building"),
+    Key("seed", SEED, "what is drawn from, with the building's id"),
+    Key(
+        "events", Flag(), "nothing is drawn: the rows of the points' files are events, those of the nearest point count"
+    ),
+)
+_FIELDS = (
+    Key("fields", Words(), "CSV file of what each event does (event, site, record, factor), relative to this file"),
+    Key("sites", Words(), "CSV file of the sites' places (site, longitude, latitude), relative to this file"),
+    Key("rates", Words(), "CSV file of how often the events come in a year (event, rate), relative to this file"),
+)
+_BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
+_DISTANCE = Key("distance", _BY_DISTANCE, "what is near: in km, or in degrees as SimCenter has it")
+_LARGEST = Key(
+    "max_distance",
+    Either((POSITIVE, Words())),
+    "km on the earth, buildings whose nearest site is farther away are left out; 15 by default",
+)
+_SEQUENCES = (
+    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
+    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
+)
+_FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
+    tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
+)
+_SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
+MOTIONS = Keys(
+    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS),
+    one_of=(("files", "sequences", "fields", "grid"),),
+)
+"""The keys of `records`, and what may stand under them."""
+
+
+def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+    """Files, sequences, fields or a grid; None after a fault."""
+    section = value.section()
+    if section is None:
+        return None
+    if section.has("grid"):
+        others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
+        section.refuse(others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
+        section.need("units", "give the units of the grid's motions, such as g or m/s^2")
+        return _grid(section, read_sample_units(section.get("units")))
+    section.refuse(_GRID_KEYS, "belongs to a `grid`")
+    if section.has("fields"):
+        section.refuse(("files", *_SEQUENCE_KEYS), "has no part in `fields`")
+        return _fields(section)
+    section.refuse(("sites", "rates"), "belongs to `fields`")
+    section.refuse(("distance", "max_distance"), "belongs to `fields` or a `grid`")
+    if section.has("sequences"):
+        section.refuse(("files", "pairs"), "has no part in `sequences`")
+        shocks, choice = section.file("sequences"), _choice(section)
+        return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
+    section.refuse(("rest",), "belongs to `sequences`")
+    files = section.need("files", "give a list of files and folders, or a `grid` in its place")
+    items = files.items("a list of files and folders", "is empty; give at least one record") if files else None
+    pairs, component = section.get("pairs"), section.get("component")
+    both = _pair_names(pairs) if pairs else None
+    if both and component:
+        component.fault("pairs have both horizontal components; leave one of the two out")
+    return RecordFiles(tuple(file for item in items or () if (file := item.file())), _choice(section), both)
+
+
+def _pair_names(value: Value) -> PairNames | None:
+    """How pairs are named; None for no pairs, or after a fault."""
+    if "{}" in value.word:
+        return value.parsed(PairNames.parse)
+    return USUAL if value.boolean() else None
+
+
+def _choice(section: Section) -> RecordChoice:
+    """What is taken of each file, and what is done to it."""
+    choice, given = read_choice(section, stdin=False), section.get("units")
+    if given and choice.inventory:
+        given.fault("an inventory gives the units; leave one of the two out")
+    return choice
+
+
+def _fields(section: Section) -> FieldFile | None:
+    file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
+    both, component = pairs.boolean() if pairs else False, section.get("component")
+    if both and component:
+        component.fault("pairs have both horizontal components; leave one of the two out")
+    if not sites:
+        section.refuse(("distance", "max_distance"), "has nothing to act on without `sites`")
+    choice, distance = _choice(section), section.read("distance", "km")
+    return FieldFile(file, choice, both, sites, distance, _largest(section), section.file("rates")) if file else None
+
+
+def _largest(section: Section) -> float:
+    """The largest distance of a building from its site, m."""
+    value = section.get("max_distance")
+    return (value.parsed(_meters) if value else None) or MAX_DISTANCE
+
+
+def _meters(text: str) -> float:
+    """A distance, a number of km or with its unit, in m."""
+    match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
+    meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
+    if not meters > 0.0:
+        raise UsageError(f"must be a positive distance in km, such as 15 or 800 m, got {text!r:.40}")
+    return meters
+
+
+def _grid(section: Section, units: str | None) -> GridFile | None:
+    file, distance = section.file("grid"), section.read("distance", "km")
+    if section.read("events"):
+        section.refuse(("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
+        largest = _largest(section)
+        return GridFile(file, units, 1, 0, 0, distance, True, largest) if file and units else None
+    neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
+    samples = section.need("samples", "give the number of draws for each building")
+    if file is None or units is None or neighbors is None or samples is None:
+        return None
+    return GridFile(
+        file, units, neighbors.read(), samples.read(), section.read("seed", 0), distance, max_distance=_largest(section)
+    )
+
+
+# ---- Reader
 
 _TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
 _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
@@ -96,6 +252,7 @@ _ANALYSIS = Keys(
     )
 )
 _VARY = Varied()
+_TABLES = ("runs", "damage", "losses", "stories", "profiles")
 _OUTPUTS = Keys(
     (
         Key("stories", Flag(), "write the peaks of every story, stories.csv"),
@@ -111,7 +268,12 @@ CAMPAIGN = Keys(
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
         Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
-        Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
+        Key(
+            "outputs",
+            Either((_OUTPUTS, EntriesOf(Choice(_TABLES), least=1))),
+            "what is written beside a row for each run, or a list of all that is written",
+        ),
+        Key("style", Words(), "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no"),
     )
 )
 """The keys of a campaign file, and what may stand under them."""
@@ -149,25 +311,38 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
     _check_together(section)
-    analysis, outputs = section.inner("analysis"), section.inner("outputs")
+    analysis, stated = section.inner("analysis"), section.get("outputs")
+    chosen = _chosen(stated) if stated and stated.is_list else None
+    outputs = stated.section(_OUTPUTS) if stated and chosen is None else None
     dt = analysis.get("dt")
-    found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
+    read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
+    models = isinstance(read_buildings, ModelFiles)
     return CampaignFile(
         name=section.text("name") or name,
         source=label,
-        buildings=found,
+        buildings=read_buildings,
         records=(read_wanted_motions(records) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(
             dt=None if dt is None or dt.is_list else _positive(dt),
             **analysis.given("duration", "tolerance", "until_rest", "check"),
-            stories=outputs.read("stories", False),
-            profiles=outputs.read("profiles", isinstance(found, ModelFiles)),
+            stories=outputs.read("stories", False) if outputs else "stories" in (chosen or ()),
+            profiles=outputs.read("profiles", models) if outputs else "profiles" in (chosen or ("profiles",) * models),
         ),
-        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
-        damage=read_wishes(section.get("damage"), found.rules if isinstance(found, InventoryFile) else None),
+        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=models),
+        damage=read_wishes(
+            section.get("damage"), read_buildings.rules if isinstance(read_buildings, InventoryFile) else None
+        ),
+        outputs=chosen,
+        style=section.text("style") or "",
     )
+
+
+def _chosen(value: Value) -> tuple[str, ...]:
+    """The tables that a list chooses."""
+    items = value.items("a list of tables", "is empty; name at least one table") or ()
+    return tuple(name for item in items if (name := item.choice(_TABLES, "table")))
 
 
 def _check_together(section: Section) -> None:
@@ -255,13 +430,13 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
 def _scales(section: Section) -> tuple[float, ...]:
     value = section.get("scales")
     items = value.items("a list of factors", "is empty; give at least one factor") if value else None
-    found: dict[float, None] = {}
+    numbers: dict[float, None] = {}
     for item in items or ():
         number = item.number(ANY)
         if number == 0.0:
             item.fault("must not be zero")
-        found[number] = None
-    return tuple(found)
+        numbers[number] = None
+    return tuple(numbers)
 
 
 def _levels(section: Section) -> MeasureLevels | None:

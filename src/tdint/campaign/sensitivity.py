@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from tdint.analysis.given import record_of
+from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
+from tdint.campaign.batch import RunSettings
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.engine.runs import RUN, RunSettings
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
-from tdint.campaign.store.store import Store, open_store
+from tdint.campaign.store import Store, open_store
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
-from tdint.quantity import Quantity
 from tdint.system import processors
-from tdint.tabular import Several
+from tdint.tabular import Progress, Several, told_progress
+from tdint.units import Quantity
 
 _LOOKED_AT = (
     "peak_drift_ratio",
@@ -113,7 +114,7 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     model : Model
         The building.
     ranges : mapping of str to (float, float)
-        Low and high values of parameters (`tdint.model.definition.PARAMETERS`).
+        Low and high values of parameters, by the names of `Model.replace`.
 
     Raises
     ------
@@ -125,13 +126,14 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
 
 
 def sensitivity(
-    model: Any,
-    records: Any,
+    model: AnyModel,
+    records: AnyRecord | Sequence[AnyRecord],
     ranges: Mapping[str, tuple[float, float]],
     *,
     method: str | None = None,
     dt: float | None = None,
     jobs: int | None = None,
+    progress: bool | Progress = False,
 ) -> Several[Swing]:
     """How much each parameter of a building moves its peaks under records, one at a time.
 
@@ -147,6 +149,8 @@ def sensitivity(
         In place of what the model says; s.
     jobs : int, optional
         Threads; one for each processor by default.
+    progress : bool or callable
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
 
     Returns
     -------
@@ -165,7 +169,8 @@ def sensitivity(
     motions = FoundMotions(suite_motions([record_of(one) for one in given]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
-        carry_out(plan, store, threads(jobs or processors()))
+        with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
+            carry_out(plan, store, threads(jobs or processors()), tell=lambda now: told(now.done, now.runs))
         return Several(swings(store, building.name, ranges))
 
 
@@ -186,15 +191,15 @@ def plan_of(
 
 def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
     """Of the runs of the buildings that `one_at_a_time` gives, the swings: of each peak the largest first."""
-    found: list[Swing] = []
+    result: list[Swing] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
     for place, quantity in enumerate(PEAKS):
         of_peak = []
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
             at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
             of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
-        found += sorted(of_peak, key=lambda one: -one.swing if one.swing == one.swing else math.inf)
-    return found
+        result += sorted(of_peak, key=lambda one: -one.swing if one.swing == one.swing else math.inf)
+    return result
 
 
 def rank_correlations(store: Store) -> list[RankCorrelation]:
@@ -214,7 +219,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     groups: dict[tuple[str, float], list[tuple[int, Array]]] = {}
     for (number, scale), values in _medians(store, by_scale=True).items():
         groups.setdefault((names[number], scale), []).append((number, values))
-    found = []
+    correlations = []
     for (building, scale), members in groups.items():
         for parameter in dict.fromkeys(name for number, _ in members for name in varied[number]):
             x = np.array([varied[number].get(parameter, math.nan) for number, _ in members])
@@ -224,8 +229,10 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 both = x[there], y[there]
                 moving = all(np.unique(one).size > 1 for one in both)
                 coefficient = float(spearmanr(*both)[0]) if moving else math.nan
-                found.append(RankCorrelation(building, scale, parameter, quantity, coefficient, int(there.sum())))
-    return found
+                correlations.append(
+                    RankCorrelation(building, scale, parameter, quantity, coefficient, int(there.sum()))
+                )
+    return correlations
 
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:

@@ -228,8 +228,8 @@ def _origin(record: Record, motion: Motion) -> tuple[str, ...]:
     both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
     return tuple(
         f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
-        for name, own, integrated, unit in both
-        if own is not None
+        for name, column, integrated, unit in both
+        if column is not None
     )
 
 

@@ -79,8 +79,8 @@ class RecordChoice:
     @property
     def reading(self) -> dict[str, Any]:
         """What `tdint.read_record` is told."""
-        wanted = {"units": self.units, "component": self.component, "inventory": self.inventory}
-        return {**wanted, "layout": self.layout}
+        choice = {"units": self.units, "component": self.component, "inventory": self.inventory}
+        return {**choice, "layout": self.layout}
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:
@@ -113,28 +113,28 @@ def parse_pad(text: str) -> tuple[float, float]:
     return before, after
 
 
-def _problems(wanted: Processing) -> Iterator[str]:
+def _problems(steps: Processing) -> Iterator[str]:
     for name in ("highpass", "lowpass", "resample"):
-        value = getattr(wanted, name)
+        value = getattr(steps, name)
         if value is not None and not 0.0 < value < math.inf:
             yield f"{name} must be a positive number, got {value}"
-    if wanted.baseline is not None and wanted.baseline not in BASELINES:
-        yield f"baseline must be {' or '.join(BASELINES)}, got {wanted.baseline!r}"
+    if steps.baseline is not None and steps.baseline not in BASELINES:
+        yield f"baseline must be {' or '.join(BASELINES)}, got {steps.baseline!r}"
     for name in ("trim", "pad"):
-        pair = getattr(wanted, name)
+        pair = getattr(steps, name)
         if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2):
             yield f"{name} must be a pair of numbers, got {pair!r}"
             return
-    if wanted.trim is not None:
-        start = 0.0 if wanted.trim[0] is None else wanted.trim[0]
-        end = math.inf if wanted.trim[1] is None else wanted.trim[1]
-        if not 0.0 <= start < end or wanted.trim == (None, None):
+    if steps.trim is not None:
+        start = 0.0 if steps.trim[0] is None else steps.trim[0]
+        end = math.inf if steps.trim[1] is None else steps.trim[1]
+        if not 0.0 <= start < end or steps.trim == (None, None):
             yield "trim must be START:END in seconds from the first sample with START below END"
-    if wanted.pad is not None and not (min(wanted.pad) >= 0.0 < sum(wanted.pad) < math.inf):
-        yield f"pad must be a positive number of seconds, got {wanted.pad[0]:g}:{wanted.pad[1]:g}"
-    if wanted.corners is not None and wanted.corners not in range(1, MOST_CORNERS + 1):
-        yield f"corners must be a whole number from 1 to {MOST_CORNERS}, got {wanted.corners}"
-    if wanted.corners is not None and wanted.highpass is None and wanted.lowpass is None:
+    if steps.pad is not None and not (min(steps.pad) >= 0.0 < sum(steps.pad) < math.inf):
+        yield f"pad must be a positive number of seconds, got {steps.pad[0]:g}:{steps.pad[1]:g}"
+    if steps.corners is not None and steps.corners not in range(1, MOST_CORNERS + 1):
+        yield f"corners must be a whole number from 1 to {MOST_CORNERS}, got {steps.corners}"
+    if steps.corners is not None and steps.highpass is None and steps.lowpass is None:
         yield "corners are those of a filter: give highpass or lowpass, too"
-    if wanted.highpass is not None and wanted.lowpass is not None and wanted.highpass >= wanted.lowpass:
-        yield f"highpass ({wanted.highpass:g} Hz) must be below lowpass ({wanted.lowpass:g} Hz): nothing would be left"
+    if steps.highpass is not None and steps.lowpass is not None and steps.highpass >= steps.lowpass:
+        yield f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz): nothing would be left"

@@ -129,8 +129,10 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
 
 def _words(motion: Artificial) -> str:
     if isinstance(motion, Sweep):
-        what = f"{motion.first:g} Hz" if motion.first == motion.last else f"{motion.first:g} to {motion.last:g} Hz"
-        return f"a sine of {what} and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
+        frequencies = (
+            f"{motion.first:g} Hz" if motion.first == motion.last else f"{motion.first:g} to {motion.last:g} Hz"
+        )
+        return f"a sine of {frequencies} and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
     return (
         f"a velocity pulse of {motion.velocity:g} m/s and {motion.period:g} s\n"
         "# (Mavroeidis and Papageorgiou 2003, equation 4)"

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.interpolation import resampled
 from tdint.ground_motion.processing import CORNERS
-from tdint.ground_motion.processing_steps import zero_phase
+from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input
 
 _QUIET = 1e-6
@@ -113,16 +112,12 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
     whole = math.floor(first / interval + 0.5)
     rest = first / interval - whole
     if abs(rest) > _SAME * max(1, count):
-        samples = _delayed(samples, rest)
+        # The band-limited motion a part of the sampling interval later; it is zero outside its samples.
+        size = 2 * samples.size
+        phase = np.exp(-2j * math.pi * rest * np.fft.rfftfreq(size))
+        samples = np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]
     result = np.full(count, np.nan)
     begin, end = max(0, whole), min(count, whole + samples.size)
     if begin < end:
         result[begin:end] = samples[begin - whole : end - whole]
     return result
-
-
-def _delayed(samples: Array, part: float) -> Array:
-    """The band-limited motion a part of the sampling interval later; it is zero outside its samples."""
-    size = 2 * samples.size
-    phase = np.exp(-2j * math.pi * part * np.fft.rfftfreq(size))
-    return np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]

@@ -63,10 +63,10 @@ class TextLayout:
 
     def check_format(self, name: str) -> None:
         """Raise RecordError for columns or lines of a file that is no table but of the format `name`."""
-        for what, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
+        for option, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
             if given not in (None, ""):
                 raise RecordError(
-                    f"`{what}={given}` is given, but the file is {name}, which tells itself where its samples are; "
+                    f"`{option}={given}` is given, but the file is {name}, which tells itself where its samples are; "
                     f"leave it out"
                 )
 

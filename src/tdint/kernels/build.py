@@ -11,6 +11,7 @@ from __future__ import annotations
 import gc
 import importlib
 import importlib.util
+import itertools
 import json
 import os
 import sys
@@ -54,7 +55,7 @@ def main() -> None:
 def _take_shortcuts() -> None:
     """Spare numba what it does over and over, or for nothing: half of the time."""
     import numba.core.inline_closurecall as inlining
-    from numba.core import codegen, ir, types
+    from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
     # A function is read anew for each place where it is inlined; numba copies twice what it read.
@@ -87,6 +88,23 @@ def _take_shortcuts() -> None:
         return found
 
     ir.Inst._rec_list_vars = variables
+    # Labels and names of variables are numbered in each function from one on, not through all: what was compiled before
+    # would show in the order of sets of names, and that in the code. Functions are numbered through, so that no two
+    # have a symbol in common.
+    number, labels, compile_one = itertools.count(1), ir_utils._the_max_label, compiler.CompilerBase.compile_extra
+    _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count  # or it is another numba
+
+    def compile_apart(self: Any, function: Any) -> Any:
+        identity = bytecode.FunctionIdentity
+        outer = identity._unique_ids, labels._value, ir_utils._unique_var_count
+        identity._unique_ids = itertools.chain([next(number)], itertools.count(1))
+        labels._value, ir_utils._unique_var_count = 0, 0
+        try:
+            return compile_one(self, function)
+        finally:
+            identity._unique_ids, labels._value, ir_utils._unique_var_count = outer
+
+    compiler.CompilerBase.compile_extra = compile_apart
     # Nothing is run here, so no part needs machine code in this process.
     codegen.JitEngine.finalize_object = lambda self: None
     codegen.JITCPUCodegen.set_env = lambda *_: None

@@ -64,7 +64,8 @@ HIGH_FORCE = 9
 LOW_DRIFT = 10
 LOW_FORCE = 11
 WORK = 12  # done on the story so far, J
-SPRING_ROWS = 13
+BORROWED = 13  # rows from a trial block to the one that has its branch (INTERNAL, SLOPE to LOW_FORCE, more); 0: its own
+SPRING_ROWS = 14
 COMMITTED = 0
 FIRST_TRIAL = SPRING_ROWS
 SECOND_TRIAL = 2 * SPRING_ROWS
@@ -193,8 +194,9 @@ WORST_STORY = 7  # where the equations are farthest from balance, if they are
 RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
 EVENTS = 9  # changes of branch located so far
 # of the error carried along
-ERROR_BEGUN = 10  # 1 once it is
-REPORT_SIZE = 11
+DOUBTFUL_STORY = 10  # the first one, from 1, that decides something which its error may decide otherwise; 0 for none
+DOUBTFUL_TIME = 11  # when, s
+REPORT_SIZE = 12
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

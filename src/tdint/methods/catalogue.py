@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import copyreg
+import os
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,8 +17,8 @@ from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
-from tdint.model.laws import LAWS, register_law
-from tdint.model.plugins import check_name, declared, faults_of, installed, module_of
+from tdint.model.definition import LAWS, register_law
+from tdint.model.plugins import Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
 from tdint.tabular import Several
 
 FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
@@ -35,23 +38,27 @@ def catalogue() -> dict[str, Method]:
     """All methods by name, in the order in which they are listed: ours, then those of plug-ins, those of installed
     packages (entry points `tdint.methods`) among them."""
 
-    def take(found: Any, where: str) -> None:
-        for method in declared(found, "METHODS", Method, where):
-            register_method(method, where)
+    def take(found: Any, origin: Origin) -> None:
+        for method in declared(found, "METHODS", Method, origin.where):
+            register_method(method, origin)
 
     installed("tdint.methods", take)
     return _known()
 
 
-def register_method(method: Method, where: str = "") -> None:
+def register_method(method: Method, where: str | Origin = "") -> None:
     """Make a method known by its name, to everything that takes methods.
 
     Parameters
     ----------
     method : Method
         See `tdint.methods.method`. Its family's step stands in a module with a file; it may be a family of ours.
-    where : str
+    where : str or Origin
         Where it is from, for messages; by default its name.
+
+    Returns
+    -------
+    None
 
     Raises
     ------
@@ -61,7 +68,8 @@ def register_method(method: Method, where: str = "") -> None:
     """
     if not isinstance(method, Method):
         raise UsageError(f"{where or repr(method)}: a method is a tdint.Method, not {type(method).__name__}")
-    where = where or f"method {method.name!r}"
+    origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
+    where = origin.where
     check_name(method.name, _known(), "method", where)
     families = {id(one.family): one.family for one in _known().values()}
     if id(method.family) not in families:
@@ -75,6 +83,7 @@ def register_method(method: Method, where: str = "") -> None:
     except UsageError:
         del _known()[method.name]
         raise
+    origin.keep_code("method", method)
 
 
 def _check_declaration(integrator: Integrator, where: str) -> None:
@@ -89,25 +98,35 @@ def _check_declaration(integrator: Integrator, where: str) -> None:
     integrator.family.work_rows(0)
 
 
-def load_plugin(file: str) -> tuple[list[Method], list[DriftLaw]]:
-    """The methods and laws of a Python file, registered: what its tuples METHODS and LAWS have.
+def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
+    """Register the methods and drift laws of a Python file: what its tuples METHODS and LAWS have.
+
+    Parameters
+    ----------
+    file : str or Path
+        NAME.py; it is executed.
+
+    Returns
+    -------
+    tuple of list of Method and list of DriftLaw
 
     Raises
     ------
     UsageError
         No such file, or it is faulty: one line with the file and, where that is known, its line.
     """
+    file = os.fspath(file)
     module = module_of(file)
-    if not hasattr(module, "METHODS") and not hasattr(module, "LAWS"):
-        raise UsageError(f"{file}: a plug-in has a tuple METHODS or LAWS; this one has neither")
+    if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS")):
+        raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS or PEERS; this one has none")
     with faults_of(file):
         found = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
     for law in found[0]:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
-            register_law(law, file)
+            register_law(law, Origin(file, module.__name__))
     for method in found[1]:
         if _known().get(method.name) is not method:
-            register_method(method, file)
+            register_method(method, Origin(file, module.__name__))
     return found[1], found[0]
 
 
@@ -140,9 +159,37 @@ def parse(text: str) -> Integrator:
     return Integrator(method, tuple(values))
 
 
-def _reduce(integrator: Integrator) -> tuple[Callable[[str], Integrator], tuple[str]]:
-    """An integrator goes to another process as its specification: compiled functions do not travel."""
-    return parse, (integrator.label,)
+def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:
+    """An integrator goes to another process as its specification, that of a plug-in with its file: compiled functions
+    do not travel."""
+    home = home_of(integrator.method.name, "METHODS")
+    return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
+
+
+def _parse_again(text: str, file: str, digest: str) -> Integrator:
+    """A method of a plug-in, which is loaded if this process does not know it yet."""
+    if text.partition(":")[0] not in catalogue():
+        try:
+            load_plugin(same_file(file, digest))
+        except UsageError as error:
+            return Integrator(cast(Method, _Unknown(text, file, digest, str(error))))
+    return parse(text)
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """A method whose plug-in could not be loaded: whoever asks anything of it is told so. A pool would wait for ever
+    for a result that cannot be read."""
+
+    text: str
+    file: str
+    digest: str
+    why: str
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise UsageError(self.why)
 
 
 copyreg.pickle(Integrator, _reduce)
@@ -186,11 +233,30 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    given = [specifications] if isinstance(specifications, str) else list(specifications or catalogue())
+    given = (
+        [specifications]
+        if isinstance(specifications, str)
+        else list(catalogue() if specifications is None else specifications)
+    )
     return list(dict.fromkeys(map(parse, given)))
 
 
 def list_methods(specifications: str | Iterable[str] | None = None) -> Several[Integrator]:
-    """The time-integration methods with these parameters, or all at their defaults; `to_dict` has what
-    `tdint methods` tells of them. Errors are those of `chosen`."""
+    """The time-integration methods with these parameters, or all at their defaults.
+
+    Parameters
+    ----------
+    specifications : str or iterable of str, optional
+        Names with parameters, such as `hht:alpha=-0.1`; the whole catalogue by default.
+
+    Returns
+    -------
+    Several of Integrator
+        `to_dict` has what `tdint methods` tells of them.
+
+    Raises
+    ------
+    UsageError
+        An unknown method or parameter, or a value out of range.
+    """
     return Several(chosen(specifications))

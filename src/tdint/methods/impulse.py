@@ -15,14 +15,13 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors, Memory
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 

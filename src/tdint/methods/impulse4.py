@@ -16,15 +16,14 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Memory, Passage, Scene, Span
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse4 import FACTORS, ROW, STORE, factor_rows, loads, newton, solve_linear
+from tdint.kernels.equations.impulse4 import FACTORS, ROW, factor_rows, loads, newton, solve_linear
 from tdint.kernels.laws.choosing import BENDING, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
-from tdint.kernels.linear_terms import finite
+from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
 from tdint.kernels.stories.law_state import commit, reach, resume, settle
 from tdint.methods.method import Family, Method, Parameter
@@ -86,7 +85,7 @@ def _by_branches(coefficients, scene, h, load, memory):
     story = -1
     how = at.TURNED
     while True:
-        factors = FACTORS if piece == h else FACTORS + STORE + 6 * modal.shape[0] + 1
+        factors = FACTORS if piece == h else FACTORS + factor_rows(modal.shape[0])
         ground = load[at.GROUND_0] + slope * done
         loads(linear_terms, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
         if not CURVING or straight:
@@ -130,7 +129,8 @@ def _by_branches(coefficients, scene, h, load, memory):
         else:
             _arrive(True, linear_terms, law_parameters, state, springs, work)
         if BENDING and pieces > 0:
-            _look(scene, Span(piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0), memory)
+            span = Span(piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False)
+            _look(scene, span, load[at.TIME] + done + piece, memory)
             report[at.WITHIN] = ROW.PEAKS
             report[at.OWN_PEAKS] = ROW.PEAKS
         done += piece
@@ -235,15 +235,23 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
 
 
 @called
-def _look(scene, span, memory):
-    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within it."""
+def _look(scene, span, t, memory):
+    """Raise the peaks by what the motion has at the end of a piece, at time t, and, unless it is fast, within it."""
     state, springs, work, _ = memory
     turned = 0
     if not span.fast:
         passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
         turned = look_within(span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
-    for i in range(scene.linear_terms.shape[1] - 1):
+    moved = 0.0
+    for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = springs[at.DRIFT, i]
+        moved *= scene.linear_terms[at.LINK, i + 1]
+        moved += scene.linear_terms[at.MASS, i] * (state[at.ACCELERATION, i] + span.ground_1)
+        if FORCES:
+            for j in range(scene.forces.shape[0]):
+                if scene.forces[j, at.FLOOR] == i:
+                    moved -= force_value(scene.forces, j, t)
+        raise_peak(work, ROW.PEAKS + at.PEAK_TOTAL_SHEAR, i, moved)
         raise_peak(work, ROW.PEAKS + at.PEAK_DRIFT, i, drift)
         raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
         raise_peak(work, ROW.PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
@@ -314,6 +322,8 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
         6.0 * c * (1.0 - c),
         (1.0 - c) * (1.0 - 3.0 * c),
         c * (3.0 * c - 2.0),
+        theta / 2.0,
+        math.sqrt(beta - theta * theta / 4.0),
     )
 
 

@@ -26,7 +26,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors, Memory
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.tridiagonal import (
     Combination,
@@ -37,7 +36,7 @@ from tdint.kernels.equations.tridiagonal import (
     solve_damped,
 )
 from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 

@@ -32,13 +32,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.compiling import kernel
-from tdint.kernels.equations.carried.error import begin_error, carry_error
+from tdint.kernels.equations.carried.error import carry_error
 from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
+from tdint.kernels.equations.corners import look_at_corners
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
+from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import finite, mean_load
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Memory, Scene
 from tdint.methods.method import Family, Method, Parameter
 
 
@@ -51,6 +52,8 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
+    if BENDING:
+        look_at_corners(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
 
@@ -62,12 +65,12 @@ def step_with_error(
     """The same step, and the error that the run has come to (`tdint.kernels.equations.carried.error`)."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
-    if report[at.ERROR_BEGUN] == 0.0:
-        begin_error(scene, memory)
     mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
+    if BENDING:
+        look_at_corners(scene, h, load, memory)
     carry_error(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE

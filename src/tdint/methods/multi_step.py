@@ -18,11 +18,10 @@ step that was halved because it did not converge, and the two steps after it.
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Memory, Scene, Weights
 from tdint.kernels.stories.law_state import commit
 from tdint.methods.method import Family, Method
 

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors, Memory, Scene
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.iteration import (
     CLOSE,
@@ -38,7 +37,7 @@ from tdint.kernels.equations.tridiagonal import (
     solve_blocks_damped,
 )
 from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces, power_damper
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Factors, Memory, Scene
 from tdint.kernels.stories.law_state import commit, restoring, settle
 from tdint.methods.method import Family, Method
 

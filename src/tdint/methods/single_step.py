@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import STEP, Memory, Scene, Weights
 from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 

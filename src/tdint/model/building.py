@@ -4,19 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.errors import ModelError
+from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import OURS
-from tdint.model.definition import Force, ModalDamping, Model, RayleighCoefficients, RayleighRatio, Story
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import (
+    CODES,
+    DASHPOT,
+    HEIGHT,
+    LAWS,
+    MASS,
+    OF_LAW,
+    POWER,
+    STIFFNESS,
+    Force,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+    Story,
+    changes_of,
+    damped_by,
+    story_numbers,
+)
 from tdint.model.modes import FreeVibration, Modes
 from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
@@ -69,7 +86,7 @@ class Building:
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (n,)."""
-        return self.linear_terms[at.MASS, :-1]
+        return self.linear_terms[at.MASS, ..., :-1]
 
     @property
     def initial_stiffness(self) -> Array:
@@ -84,23 +101,23 @@ class Building:
     @cached_property
     def power_damped(self) -> bool:
         """Whether some story has a power-law dashpot."""
-        return bool(np.any(self.linear_terms[at.POWER_DAMPER, :-1] != 0.0))
+        return bool(np.any(self.linear_terms[at.POWER_DAMPER, ..., :-1] != 0.0))
 
     @cached_property
     def damped_by_devices(self) -> bool:
         """Whether some story has a dashpot."""
-        return self.power_damped or bool(np.any(self.linear_terms[at.DASHPOT, :-1] != 0.0))
+        return self.power_damped or bool(np.any(self.linear_terms[at.DASHPOT, ..., :-1] != 0.0))
 
     def device_force(self, rate: Array) -> Array:
         """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        secant = self.linear_terms[at.DASHPOT, :-1] * np.ones_like(rate)
-        size = rate**2 + self.linear_terms[at.THRESHOLD, :-1]
-        power = self.linear_terms[at.POWER, :-1] * np.ones_like(rate)
-        moving = (size > 0.0) & (self.linear_terms[at.POWER_DAMPER, :-1] != 0.0)
+        secant = self.linear_terms[at.DASHPOT, ..., :-1] * np.ones_like(rate)
+        size = rate**2 + self.linear_terms[at.THRESHOLD, ..., :-1]
+        power = self.linear_terms[at.POWER, ..., :-1] * np.ones_like(rate)
+        moving = (size > 0.0) & (self.linear_terms[at.POWER_DAMPER, ..., :-1] != 0.0)
         grown = np.power(size, power, out=np.zeros_like(size), where=moving)
-        return np.asarray((secant + self.linear_terms[at.POWER_DAMPER, :-1] * grown) * rate)
+        return np.asarray((secant + self.linear_terms[at.POWER_DAMPER, ..., :-1] * grown) * rate)
 
     @cached_property
     def piecewise_linear(self) -> bool:
@@ -121,18 +138,7 @@ class Building:
         With its signs turned the stiffness matrix has no negative elements and the same frequencies; for any positive
         x the largest is at most the largest (M^-1 K x) / x (Collatz 1942), and the closer the nearer x is to the mode.
         """
-        springs = np.append(np.abs(self.initial_stiffness), 0.0)
-        below, above = self.linear_terms[at.LINK, :-1] * springs[:-1], self.linear_terms[at.LINK, 1:] * springs[1:]
-        shape = np.ones(self.stories)
-        bound = math.inf
-        for _ in range(_TURNS):
-            turned = (springs[:-1] + above) * shape
-            turned[1:] += below[1:] * shape[:-1]
-            turned[:-1] += above[:-1] * shape[1:]
-            turned /= self.mass
-            bound = min(bound, float(np.max(turned / shape)))
-            shape = turned / np.max(turned) + _POSITIVE
-        return math.sqrt(bound)
+        return float(_fastest(self.initial_stiffness, self.linear_terms[at.LINK], self.mass))
 
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
@@ -159,6 +165,22 @@ class Building:
     def modes(self) -> Modes:
         """Undamped modes of the initial stiffness; they are solved when they are first asked for."""
         return self.vibration.modes
+
+
+def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
+    """`Building.fastest` of one building or of many, shape (..., n); `link` has a column more."""
+    springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
+    below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
+    shape = np.ones(stiffness.shape)
+    bound = np.full(stiffness.shape[:-1], math.inf)
+    for _ in range(_TURNS):
+        turned = (springs[..., :-1] + above) * shape
+        turned[..., 1:] += below[..., 1:] * shape[..., :-1]
+        turned[..., :-1] += above[..., :-1] * shape[..., 1:]
+        turned /= mass
+        bound = np.minimum(bound, np.max(turned / shape, axis=-1))
+        shape = turned / np.max(turned, axis=-1, keepdims=True) + _POSITIVE
+    return np.asarray(np.sqrt(bound))
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:
@@ -212,6 +234,152 @@ def assemble(model: Model) -> Building:
     return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
 
 
+@dataclass(frozen=True)
+class DrawnBuildings:
+    """Many buildings that differ in numbers alone, as arrays with the draws first; a `Building` has one of each.
+
+    Attributes
+    ----------
+    base : Building
+        The building that was varied.
+    linear_terms, law_parameters : ndarray, shape (draws, rows, n + 1)
+        As of `Building`.
+    modal : sequence of ndarray
+        Likewise, of each draw.
+    heights, yield_drift : ndarray, shape (draws, n)
+        Likewise.
+    """
+
+    base: Building
+    linear_terms: Array
+    law_parameters: Array
+    modal: Sequence[Array]
+    heights: Array
+    yield_drift: Array
+
+    @property
+    def mass(self) -> Array:
+        """Masses of the floors, kg, shape (draws, n)."""
+        return self.linear_terms[:, at.MASS, :-1]
+
+    @property
+    def fastest(self) -> Array:
+        """`Building.fastest` of each, shape (draws,)."""
+        stiffness = self.law_parameters[:, at.STIFFNESS, :-1] + self.linear_terms[:, at.GEOMETRIC, :-1]
+        return _fastest(stiffness, self.base.linear_terms[at.LINK], self.mass)
+
+    def of_runs(self, draws: Sequence[int]) -> Building:
+        """What quantities of stories are taken from, of runs by their draws: arrays have the runs first."""
+        return replace(
+            self.base,
+            linear_terms=np.moveaxis(self.linear_terms[draws], 0, 1),
+            law_parameters=np.moveaxis(self.law_parameters[draws], 0, 1),
+            heights=self.heights[draws],
+            yield_drift=self.yield_drift[draws],
+        )
+
+    @property
+    def with_devices(self) -> NDArray[np.bool_]:
+        """`Building.damped_by_devices` of each, shape (draws,)."""
+        both = self.linear_terms[:, [at.DASHPOT, at.POWER_DAMPER], :-1]
+        return np.asarray(np.any(both != 0.0, axis=(1, 2)))
+
+
+def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
+    """The buildings of `Model.changed` for each draw, to the last bit, put together once.
+
+    Parameters
+    ----------
+    base : Building
+        Of the model as it is.
+    values : mapping of str to ndarray, shape (draws,)
+        Values of parameters by name (`Model.replace`).
+
+    Raises
+    ------
+    UsageError
+        A value out of range, or one with which a story is none.
+    ModelError
+        P-delta larger than a story's stiffness.
+    """
+    draws, n = len(next(iter(values.values()))), base.stories
+    # The numbers of the stories that change, by story and column; a column that is not here is the base's.
+    numbers = [list(story_numbers(story)) for story in model.stories]
+    drawn: dict[tuple[int, int], Array] = {}
+    set_laws = set()
+    for name, given in values.items():
+        for change in changes_of(model, name):
+            place = change.story, change.column
+            before = drawn.get(place, numbers[change.story][change.column])
+            drawn[place] = before * given if change.factor else given
+            set_laws |= {change.story} if change.of_law else set()
+    _follow_laws(model, numbers, drawn, set_laws, draws)
+
+    # The tables of the base, with what changes put into them.
+    linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
+    law_parameters = np.repeat(base.law_parameters[None], draws, axis=0)
+    heights = np.repeat(base.heights[None], draws, axis=0)
+    yield_drift = np.repeat(base.yield_drift[None], draws, axis=0)
+    for (i, column), row in drawn.items():
+        if column >= OF_LAW:
+            law_parameters[:, at.FIRST_PARAMETER + column - OF_LAW, i] = row
+        elif column == STIFFNESS:
+            law_parameters[:, at.STIFFNESS, i] = row
+        elif column == HEIGHT and not model.stories[i].isolator:
+            heights[:, i] = row
+        elif column in _TERMS:
+            linear_terms[:, _TERMS[column], i] = row
+        elif column == POWER.start + 1:
+            linear_terms[:, at.POWER, i] = 0.5 * (row - 1.0)
+        elif column == POWER.start + 2:
+            linear_terms[:, at.THRESHOLD, i] = [speed**2 for speed in row.tolist()]  # numpy's square is another
+    linear_terms[:, at.INVERSE_MASS, :n] = 1.0 / linear_terms[:, at.MASS, :n]
+    linear_terms[:, at.STORY_DAMPER, :n] = linear_terms[:, at.DASHPOT, :n]
+    linear_terms[:, at.FLOOR_DAMPER, :n] = 0.0
+    if model.p_delta:
+        tall = [np.broadcast_to(drawn.get((i, HEIGHT), numbers[i][HEIGHT]), draws) for i in range(n)]
+        weight = STANDARD_GRAVITY * np.cumsum(linear_terms[:, at.MASS, :n][:, ::-1], axis=1)[:, ::-1]
+        linear_terms[:, at.GEOMETRIC, :n] = -(weight / np.stack(tall, axis=1))
+    for i in {i for i, column in drawn if column == STIFFNESS or column >= OF_LAW}:
+        law, parameters = LAWS[model.stories[i].law.name], len(model.stories[i].law.parameters)
+        rows = law_parameters[:, [at.STIFFNESS, *range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + parameters)], i]
+        for d, (stiffness, *of_law) in enumerate(rows.tolist()):
+            if fault := law.fault(stiffness, of_law):
+                raise UsageError(f"{model.name}: story {i + 1} cannot be varied so: {fault} (draw {d + 1})")
+            yield_drift[d, i] = law.yield_drift(stiffness, of_law)
+
+    # Damping follows from masses and stiffnesses; where neither changes, the vibration is that of the base.
+    moved = any(column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn)
+    damped = [model.damping] * draws
+    if "damping" in values:
+        damped = [damped_by(model, ratio) for ratio in values["damping"].tolist()]
+    modal, vibration = [], base.vibration
+    for d in range(draws):
+        if moved:
+            springs = law_parameters[d, at.STIFFNESS, :n] + linear_terms[d, at.GEOMETRIC, :n]
+            vibration = FreeVibration(linear_terms[d, at.MASS, :n], springs, linear_terms[d, at.LINK, :n])
+        stiffness = law_parameters[d, at.STIFFNESS, :n]
+        of_draw = replace(model, damping=damped[d]) if "damping" in values else model
+        modal.append(add_damping(linear_terms[d], stiffness, of_draw, vibration))
+    return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
+
+
+_TERMS = {MASS: at.MASS, DASHPOT: at.DASHPOT, POWER.start: at.POWER_DAMPER}
+"""Rows of the linear terms by the columns of a story's numbers."""
+
+
+def _follow_laws(
+    model: Model, numbers: Sequence[Sequence[float]], drawn: dict[tuple[int, int], Array], stories: set[int], draws: int
+) -> None:
+    """The stiffness of laws that have their own, where their numbers were set."""
+    for i in stories:
+        stiffness_of = LAWS[model.stories[i].law.name].initial_stiffness
+        if stiffness_of:
+            columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
+            rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
+            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in rows.tolist()])
+
+
 def weight_over_height(model: Model) -> Array:
     """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta takes."""
     mass = np.array([story.mass for story in model.stories])
@@ -226,27 +394,27 @@ def falling_stories(model: Model) -> tuple[str, ...]:
         return ()
     unit, size = model.output_units.unit("N/m")
     unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
-    found = []
+    places = []
     for i, (story, taken) in enumerate(zip(model.stories, weight_over_height(model), strict=True), start=1):
         left = stiffness_after_yield(story)
         if taken > left:
-            found.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
-    if not found:
+            places.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
+    if not places:
         return ()
-    more = f" and {len(found) - _FEW} more" if len(found) > _FEW else ""
+    more = f" and {len(places) - _FEW} more" if len(places) > _FEW else ""
     return (
         "P-delta takes more than the stiffness after yield, so that a story falls once it has yielded; weight over "
-        f"height and that stiffness, {unit}: {', '.join(found[:_FEW])}{more}",
+        f"height and that stiffness, {unit}: {', '.join(places[:_FEW])}{more}",
     )
 
 
 def stiffness_after_yield(story: Story) -> float:
     """The stiffness of a story's law after yield, before it softens, N/m; infinite for a law that does not yield."""
-    found = _AFTER_YIELD.get(story.law.name)
-    if found is None:
+    rule = _AFTER_YIELD.get(story.law.name)
+    if rule is None:
         return math.inf
     names = [one.name for one in LAWS[story.law.name].parameters]
-    return found(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
+    return rule(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
 
 
 def _hardening(stiffness: float, law: Mapping[str, float]) -> float:
@@ -383,15 +551,17 @@ def _check_memory(stories: int) -> None:
     )
 
 
-def rayleigh(wanted: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
+def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
     """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8).
 
     Of one mode alone half from the mass, half from the stiffness: what equal ratios give as two modes come together.
     """
-    xi_1, xi_2 = wanted.ratios
-    if wanted.modes[0] == wanted.modes[1]:
+    xi_1, xi_2 = ratio.ratios
+    if ratio.modes[0] == ratio.modes[1]:
         return RayleighCoefficients(mass=xi_1 * omega_1, stiffness=xi_1 / omega_1)
     difference = omega_2**2 - omega_1**2
+    if not 0.0 < abs(difference) < math.inf:
+        raise ModelError("damping: no frequencies of two modes, masses and stiffnesses are too far from each other")
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
         stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,

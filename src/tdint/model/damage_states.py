@@ -18,6 +18,9 @@ DONE = "done"
 FALLEN = ("collapsed", "failed-story")
 """How runs end under which a building falls: they are told beside the damage states."""
 
+COST, NUMBER = "cost", "number"
+"""Columns of an inventory: what a building costs, and how many of them a row stands for (1 where it is not told)."""
+
 HAZUS, CAPACITY = "hazus", "capacity"
 HAZUS_DISPERSION = 0.4
 """That with which SimCenter takes the drift ratios of Hazus."""
@@ -86,9 +89,9 @@ class DamageStates:
     def __post_init__(self) -> None:
         if len(self.medians) != len(self.states):
             raise UsageError(f"{len(self.states)} damage states need as many thresholds, got {len(self.medians)}")
-        for state, one, last in zip(self.states, self.medians, (0.0, *self.medians), strict=False):
-            if not one > last:
-                raise UsageError(f"the thresholds of damage states rise from state to state, {state} is {one:g}")
+        for state, median, last in zip(self.states, self.medians, (0.0, *self.medians), strict=False):
+            if not median > last:
+                raise UsageError(f"the thresholds of damage states rise from state to state, {state} is {median:g}")
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> Self:

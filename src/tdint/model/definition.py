@@ -8,15 +8,140 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from functools import cache
+from typing import Any, NamedTuple
 
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.ground_motion.processing import RecordChoice
+from tdint.kernels.laws import LAWS as _LAWS
+from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.damage_states import DamageStates
-from tdint.model.laws import LAWS, LINEAR, Law
-from tdint.output_units import SI, OutputUnits
+from tdint.model.plugins import Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
+from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many, parse_ratio
+
+# ---- The drift laws that models may name, ours and those of others, and the law of a story
+
+LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
+"""The drift laws that a model file may name: those of `tdint.kernels.laws`."""
+
+CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
+"""The number of each law in the compiled tables."""
+
+
+def register_law(law: DriftLaw, where: str | Origin = "") -> None:
+    """Make a drift law known to models, and compiled where a model has it.
+
+    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its functions stand in a
+    module with a file, in which it has a name of its own or stands in a tuple: there the process that compiles finds
+    it.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        See `tdint.kernels.laws.law`.
+    where : str or Origin
+        Where it is from, for messages; by default its name.
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    UsageError
+        No law; a name that is taken or is none; no file.
+    """
+    if not isinstance(law, DriftLaw):
+        raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
+    origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
+    where = origin.where
+    check_name(law.name, LAWS, "law", where)
+    home = law.functions.__module__
+    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
+        raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
+    with faults_of(where):
+        law.functions()
+    from tdint.kernels.building.sources import OUTSIDE
+
+    together = replace(law, apart=False)
+    OUTSIDE[law.name] = home
+    CODES[law.name] = len(_LAWS)
+    LAWS[law.name] = together
+    origin.keep_code("law", law)
+    _LAWS.append(together)
+
+
+@cache
+def laws() -> dict[str, DriftLaw]:
+    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
+
+    def take(plugin: Any, origin: Origin) -> None:
+        for law in declared(plugin, "LAWS", DriftLaw, origin.where):
+            register_law(law, origin)
+
+    installed("tdint.laws", take)
+    return LAWS
+
+
+@dataclass(frozen=True)
+class Law:
+    """The drift law of a story.
+
+    Attributes
+    ----------
+    name : str
+        A key of `LAWS`.
+    parameters : tuple of float
+        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is flattened.
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        home = home_of(self.name, "LAWS")
+        return (
+            (_law_again, (self.name, self.parameters, CODES[self.name], *home)) if home else (Law, tuple(astuple(self)))
+        )
+
+
+def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, digest: str) -> Law:
+    """A law of a plug-in, which is loaded if this process does not know it yet.
+
+    Raises
+    ------
+    UsageError
+        The plug-in is not there or another one; the law has another number here than in the arrays of buildings.
+    """
+    if name not in LAWS:
+        module = module_of(same_file(file, digest))
+        for law in declared(module, "LAWS", DriftLaw, file):
+            register_law(law, Origin(file, module.__name__))
+    if CODES[name] != code:
+        raise UsageError(
+            f"{file}: the law {name!r} is another one of the laws here: load the plug-ins in the same order"
+        )
+    return Law(name, parameters)
+
+
+LINEAR = Law("linear", ())
+
+
+def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
+    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
+    (*first, before, last) = points
+    missing = 4 - len(points)
+    parts = [j / (missing + 1) for j in range(1, missing + 1)]
+    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
+    return tuple(number for point in (*first, before, *between, last) for number in point)
+
+
+# ---- Definition
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
@@ -236,6 +361,10 @@ class Model:
         Drift ratio over which a run is flagged as collapsed, positive.
     output_units : OutputUnits
         What tables and summaries are written in.
+    page_units : OutputUnits
+        What pages for people are written in: the units of the file where it names none for the output.
+    page_head : tuple of (str, str)
+        Names and texts of the lines at the top of its page.
     varied : tuple of (str, float)
         What `replace` changed, and the values.
     label : str
@@ -255,6 +384,8 @@ class Model:
     analysis: Analysis
     collapse_drift: float
     output_units: OutputUnits = SI
+    page_units: OutputUnits = SI
+    page_head: tuple[tuple[str, str], ...] = ()
     varied: tuple[tuple[str, float], ...] = ()
     label: str = ""
     damage: DamageStates | None = None
@@ -262,9 +393,18 @@ class Model:
     def replace(self, **changes: float | str) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
 
-        Names are those of `PARAMETERS`, which tells what they mean; what changes with them (modes, drifts at yield,
-        P-delta) follows; a factor of one story is
-        given as `model.replace(**{"story 3.stiffness_factor": 0.8})`.
+        Names are those of `PARAMETERS`, which tells what they mean, or keys of the model file in SI units, a story by
+        its number from the ground: `model.replace(**{"stories[2].law.hardening": 0.05, "stories.mass": 2e5})`. Without
+        a number all stories are meant that have it. What changes with them (modes, drifts at yield, P-delta) follows.
+
+        Parameters
+        ----------
+        **changes : float or str
+            Values by name; a text such as `2%` is a ratio.
+
+        Returns
+        -------
+        Model
 
         Raises
         ------
@@ -275,26 +415,24 @@ class Model:
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
         """The same of numbers by name."""
-        model = self
+        table = [list(story_numbers(story)) for story in self.stories]
+        damping, touched = self.damping, dict[int, bool]()
         for name, value in numbers.items():
-            check_parameter(name)
             check_value(name, value)
             if name == "damping":
-                model = replace(model, damping=_damped(model, value))
-                continue
-            found = _OF_STORY.fullmatch(name)
-            stories = [int(found[1]) - 1] if found else range(len(model.stories))
-            change = _FACTORS[found[2] if found else name]
-            if found and not 0 <= stories[0] < len(model.stories):
-                raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
-            changed = [change(one, value) if i in stories else one for i, one in enumerate(model.stories)]
-            if change is _strength and not any(_strength(model.stories[i], 2.0) != model.stories[i] for i in stories):
-                raise UsageError(f"{name} has nothing to act on: no such story of {model.name} has a strength")
-            model = replace(model, stories=tuple(changed))
-        for number, story in enumerate(model.stories, start=1):
-            if fault := LAWS[story.law.name].fault(story.stiffness, story.law.parameters):
-                raise UsageError(f"{model.name}: story {number} cannot be varied so: {fault}")
-        return replace(model, varied=tuple({**dict(model.varied), **numbers}.items()))
+                damping = damped_by(self, value)
+            for change in changes_of(self, name):
+                change.check(name, value)
+                row = table[change.story]
+                row[change.column] = row[change.column] * value if change.factor else value
+                touched[change.story] = touched.get(change.story, False) or change.of_law
+        stories = list(self.stories)
+        for i, law_set in touched.items():
+            stories[i] = _with_numbers(self.stories[i], table[i], law_set)
+            if fault := LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters):
+                raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
+        varied = tuple({**dict(self.varied), **numbers}.items())
+        return replace(self, stories=tuple(stories), damping=damping, varied=varied)
 
     def __repr__(self) -> str:
         count = len(self.stories)
@@ -304,9 +442,9 @@ class Model:
 def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
     """A story without height; the stiffness (N/m) may be left out where the law has its own."""
     if stiffness is None:
-        own = LAWS[law.name].initial_stiffness
-        assert own is not None, f"the law {law.name} has no stiffness of its own"
-        stiffness = own(law.parameters)
+        stiffness_of = LAWS[law.name].initial_stiffness
+        assert stiffness_of is not None, f"the law {law.name} has no stiffness of its own"
+        stiffness = stiffness_of(law.parameters)
     return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
 
 
@@ -334,34 +472,130 @@ def simple_model(
     )
 
 
-_OF_STORY = re.compile(r"story (\d+)\.(\w+)")
+# ---- What can be changed in a building: its numbers by name, the same of a model and of arrays of many
+
+_PLAIN = ("mass", "height", "stiffness", "dashpot", "dashpot.coefficient", "dashpot.exponent", "dashpot.linear_below")
+"""The first numbers of a story by their keys; those of its law follow."""
+
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_PLAIN)
+"""Where they stand."""
+
+_FACTORS = ("mass_factor", "stiffness_factor", "strength_factor")
+_NAME = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
+_OF_POINT = {"drift": (0, 1), "force": (1, 0)}
 
 
-def _scaled_law(law: Law, factor: float, chosen: Callable[[int, int], bool]) -> Law:
-    """The law with the parameters of some dimensions (exponents of force and length) times a factor."""
-    own = LAWS[law.name].parameters
-    kinds = [*own, *own[-1:] * (len(law.parameters) - len(own))]  # one that is a list comes last
-    powers = [(1, -j) if one.many else (one.force, one.length) for j, one in enumerate(kinds, start=2 - len(own))]
-    values = zip(law.parameters, powers, strict=True)
-    return Law(law.name, tuple(value * factor if chosen(*power) else value for value, power in values))
+class Change(NamedTuple):
+    """What a parameter does to one number of a story, both counted from 0: it sets it within bounds, or is a factor."""
+
+    story: int
+    column: int
+    factor: bool
+    bounds: LawParameter | None = None
+
+    @property
+    def of_law(self) -> bool:
+        """Whether it sets a number of the law, from which a stiffness may follow."""
+        return self.column >= OF_LAW and not self.factor
+
+    def check(self, name: str, *values: float) -> None:
+        """Raise UsageError for a value that the law does not take."""
+        for value in values:
+            low, high = (self.bounds.low, self.bounds.high) if self.bounds else (-math.inf, math.inf)
+            inside = low <= value <= high and (value > low or self.bounds is None or self.bounds.low_allowed)
+            if not inside or (self.bounds and value == high and not self.bounds.high_allowed):
+                raise UsageError(f"{name} must lie between {low:g} and {high:g}, got {value:.6g}")
 
 
-def _stiffness(story: Story, factor: float) -> Story:
-    """With a law that has its own stiffness all of its forces grow alike."""
-    own = LAWS[story.law.name].initial_stiffness is not None
-    law = _scaled_law(story.law, factor, lambda force, length: force == 1 and (own or length == -1))
-    return replace(story, stiffness=story.stiffness * factor, law=law)
+def story_numbers(story: Story) -> tuple[float, ...]:
+    """The numbers of a story, nan for what it does not have; those of its law last."""
+    power = story.power_dashpot
+    dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
+    height = math.nan if story.height is None else story.height
+    return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
 
 
-def _strength(story: Story, factor: float) -> Story:
-    return replace(story, law=_scaled_law(story.law, factor, lambda force, length: (force, length) == (1, 0)))
+def _with_numbers(story: Story, numbers: Sequence[float], law_set: bool) -> Story:
+    """The story with other numbers; the stiffness of a law that has its own follows where the law was set."""
+    law, stiffness_of = Law(story.law.name, tuple(numbers[OF_LAW:])), LAWS[story.law.name].initial_stiffness
+    return replace(
+        story,
+        mass=numbers[MASS],
+        height=None if story.height is None else numbers[HEIGHT],
+        stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else numbers[STIFFNESS],
+        law=law,
+        dashpot=numbers[DASHPOT],
+        power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
+    )
 
 
-_FACTORS: Mapping[str, Callable[[Story, float], Story]] = {
-    "mass_factor": lambda story, factor: replace(story, mass=story.mass * factor),
-    "stiffness_factor": _stiffness,
-    "strength_factor": _strength,
-}
+def _law_numbers(law: Law) -> list[tuple[str, int, int, LawParameter]]:
+    """Of each number of a law its key, the exponents of force and length in its dimension, and its bounds."""
+    numbers: list[tuple[str, int, int, LawParameter]] = []
+    for parameter in LAWS[law.name].parameters:
+        path = f"law.{parameter.path}"
+        if parameter.points:
+            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
+        elif parameter.many:
+            count = len(law.parameters) - len(numbers)
+            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
+        else:
+            numbers.append((path, parameter.force, parameter.length, parameter))
+    return numbers
+
+
+def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
+    """What each name changes in a story: columns of its numbers, whether as a factor, and bounds.
+
+    With a law that has its own stiffness all of its forces grow with the stiffness.
+    """
+    has_stiffness = LAWS[story.law.name].initial_stiffness is not None
+    law = list(enumerate(_law_numbers(story.law), start=OF_LAW))
+    stiff = [at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)]
+    strong = [at for at, (_, force, length, _) in law if (force, length) == (1, 0)]
+    columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
+        "mass_factor": [(MASS, True, None)],
+        "stiffness_factor": [(at, True, None) for at in (STIFFNESS, *stiff)],
+        "strength_factor": [(at, True, None) for at in strong],
+        "mass": [(MASS, False, None)],
+        "height": [] if story.height is None else [(HEIGHT, False, None)],
+        "stiffness": [] if has_stiffness else [(STIFFNESS, False, None)],
+        "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
+    }
+    power = range(POWER.start, POWER.stop) if story.power_dashpot else ()
+    columns |= {_PLAIN[at]: [(at, False, None)] for at in power}
+    return columns | {key: [(at, False, bounds)] for at, (key, _, _, bounds) in law}
+
+
+def changes_of(model: Model, name: str) -> list[Change]:
+    """What a parameter changes in the stories of a model; nothing for its damping.
+
+    Raises
+    ------
+    UsageError
+        An unknown name, a story that is not there, or nothing that it could act on.
+    """
+    check_parameter(name)
+    if name == "damping":
+        return []
+    said = _NAME.fullmatch(name)
+    number, key = (said[1] or said[2], said[3]) if said else (None, name)
+    if number and not 1 <= int(number) <= len(model.stories):
+        raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
+    places = [int(number) - 1] if number else range(len(model.stories))
+    columns = {i: _columns(model.stories[i]) for i in places}
+    changes = [Change(i, *column) for i in places for column in columns[i].get(key, ())]
+    if not changes and key == "strength_factor":
+        raise UsageError(f"{name} has nothing to act on: no such story of {model.name} has a strength")
+    if not changes:
+        names = list(dict.fromkeys(there for by_name in columns.values() for there, act in by_name.items() if act))
+        where = f"story {number}" if number else "no story"
+        raise UsageError(
+            f"{name}: {where} of {model.name} has {'no' if number else 'a'} {key!r} that can be set"
+            f"{did_you_mean(key, names)} (there are {', '.join(names)})"
+        )
+    return changes
+
 
 PARAMETERS = {
     "damping": "damping ratio, in place of the model's: of both modes of Rayleigh damping, or of all of modal damping",
@@ -369,16 +603,26 @@ PARAMETERS = {
     "stiffness_factor": "factor on the initial stiffnesses; strengths stay, drifts at yield change",
     "strength_factor": "factor on the strengths of the drift laws; stiffnesses stay",
 }
-"""What can be changed in a building, and what it means; factors also of one story, as `story 3.mass_factor`."""
+"""What can be changed in all of a building, and what it means."""
+
+
+def parameter_meaning(name: str) -> str:
+    """What a parameter is, for people."""
+    said = _NAME.fullmatch(name)
+    key = said[3] if said else name
+    return PARAMETERS.get(key, f"{key} of the model file, in SI units")
 
 
 def check_parameter(name: str) -> None:
-    """Raise UsageError for a name that is no parameter of `Model.replace`."""
-    found = _OF_STORY.fullmatch(name)
-    if name not in PARAMETERS and not (found and found[2] in _FACTORS):
-        hint = did_you_mean(name, PARAMETERS)
-        names = ", ".join(PARAMETERS)
-        raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and factors of one story, `story 3.NAME`")
+    """Raise UsageError for a name that cannot be a parameter of `Model.replace`, whatever the model."""
+    said = _NAME.fullmatch(name)
+    key = said[3] if said else ""
+    if name in PARAMETERS or key in _PLAIN or key in _FACTORS or key.startswith("law."):
+        return
+    near = nearest(key, (*_PLAIN, *_FACTORS)) if said else None
+    hint = f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
+    names = ", ".join(PARAMETERS)
+    raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`")
 
 
 def _number(name: str, given: float | str) -> float:
@@ -391,19 +635,26 @@ def _number(name: str, given: float | str) -> float:
 
 
 def check_value(name: str, value: float) -> None:
-    """Raise UsageError for a value out of range."""
+    """Raise UsageError for a value out of range, as far as its name alone tells."""
     if name == "damping":
         if not 0.0 <= value < 1.0:
             raise UsageError(f"{name} must be a ratio from 0 to less than 1, got {value!r}")
-    elif not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"{name} must be a positive number, got {value!r}")
+    elif name.endswith(".dashpot") or name.endswith(".linear_below"):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise UsageError(f"{name} must be a number from 0 on, got {value!r}")
+    elif not (math.isfinite(value) and (value > 0.0 or ".law." in name)):
+        kind = "number" if ".law." in name else "positive number"
+        raise UsageError(f"{name} must be a {kind}, got {value!r}")
+    elif name.endswith("dashpot.exponent") and value > 2.0:
+        raise UsageError(f"{name} must lie in (0, 2], got {value!r}")
 
 
-def _damped(model: Model, ratio: float) -> Damping:
+def damped_by(model: Model, ratio: float) -> Damping:
+    """The damping of a model with another ratio; UsageError where it has none."""
     match model.damping:
         case RayleighRatio(_, modes):
             return RayleighRatio((ratio, ratio), modes)
         case ModalDamping(ratios):
             return ModalDamping((ratio,) * len(ratios))
-    what = "has none" if model.damping is None else "states it by coefficients"
-    raise UsageError(f"damping has no ratio to vary: {model.name} {what}")
+    reason = "has none" if model.damping is None else "states it by coefficients"
+    raise UsageError(f"damping has no ratio to vary: {model.name} {reason}")

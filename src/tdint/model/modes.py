@@ -159,6 +159,8 @@ class FreeVibration:
             shear = np.cumsum(force[::-1])[::-1]
             displacement = np.cumsum(shear / self.stiffness)  # K displacement = force
             square = float(np.sum(self.mass * displacement**2))
+            if not 0.0 < square < math.inf:
+                raise ModelError("there is no first mode: masses and stiffnesses are too far from each other")
             before, omega = omega, math.sqrt(float(displacement @ force) / square)
             shape = displacement / math.sqrt(square)
             if abs(omega - before) <= _CONVERGED * omega:
@@ -174,16 +176,21 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     it (Golub and Kahan 1965). Bisection with Sturm's sequence of this matrix, which is not squared, keeps the relative
     accuracy of the lowest ones (Demmel and Kahan 1990).
     """
-    from scipy.linalg import eigh_tridiagonal
+    from scipy.linalg.lapack import dstebz
 
     n = root_mass.size
     beside = np.zeros(2 * n - 1)
     beside[::2] = root_spring / root_mass
     beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
     place = n + number - 1
-    one = {"eigvals_only": True, "select": "i", "select_range": (place, place)}
-    found = eigh_tridiagonal(np.zeros(2 * n), beside, **one, lapack_driver="stebz", tol=np.finfo(float).tiny)
-    return float(found[0])
+    # What scipy.linalg.eigh_tridiagonal calls, in a sixth of its time. 2 and "E": one by its place, among all.
+    _, values, *_, failed = dstebz(np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E")
+    assert failed == 0
+    return float(values[0])
+
+
+_SMALLEST = float(np.finfo(float).tiny)
+"""Tolerance of the bisection: it goes on to the last bit."""
 
 
 def _check_springs(stiffness: Array) -> None:

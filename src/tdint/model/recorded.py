@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from tdint.model.config.units import read_sample_units
+from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.document import read_document
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
-from tdint.model.keys.nodes import MappingNode, ScalarNode
-
-AUTO = "auto"
-"""A shift in time that is to be found."""
+from tdint.model.keys.fields import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    ByName,
+    Choice,
+    Either,
+    EntriesOf,
+    Key,
+    Keys,
+    PathOf,
+    Value,
+    Whole,
+    Words,
+)
 
 QUANTITIES = ("acceleration", "displacement")
 
@@ -86,10 +96,43 @@ class Recording:
         return (*self.base, *(sensor for _, sensors in self.floors for sensor in sensors))
 
 
-_KEYS = ("name", "base", "floors", "band", "window", "shift")
-_SENSOR_KEYS = ("file", "component", "column", "units", "quantity", "sign")
-_SENSOR = "a file or a mapping with the key file"
 ROOF = "roof"
+AUTO = "auto"
+"""A shift in time that is to be found."""
+
+_SENSOR = Keys(
+    (
+        Key("file", PathOf(), "the recording", needed=True, advice="give the file of the recording"),
+        Key("component", Words(), "component of a record, where the file holds several"),
+        Key("column", Words(), "in place of that: column of a table"),
+        Key("units", Words(), "units of its samples, where it does not say them"),
+        Key("quantity", Choice(QUANTITIES, "quantity"), "what its samples are; else what their units say"),
+        Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor that points the other way"),
+    ),
+    what="a file or a mapping with the key file",
+    make=lambda value, **given: _sensor(value, **given),
+)
+_ONE = Either((PathOf(), _SENSOR), _SENSOR.what)
+_PLACE = Either((*_ONE.kinds, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")), _ONE.what)
+_BAND = EntriesOf(POSITIVE, 2, 2, "a list of two frequencies (Hz), the lower one first", growing=True)
+_WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s), the earlier one first", growing=True)
+_FLOORS = ByName(
+    _PLACE,
+    f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
+    "must name at least one floor",
+    make=lambda value, floors: floors,
+)
+RECORDING = Keys(
+    (
+        Key("name", Words(), "name of the event; that of the file where it is left out"),
+        Key("base", _PLACE, "sensors of the ground", True, "give the file that the ground's motion was recorded in"),
+        Key("floors", _FLOORS, "floors, and the sensors of each", True, "give the floors and their files"),
+        Key("band", _BAND, "frequencies between which recording and result are compared"),
+        Key("window", _WINDOW, "times between which they are compared"),
+        Key("shift", Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"), "added to the floors' times, s"),
+    ),
+    make=lambda _, **given: given,
+)
 
 
 def load_recording(source: str | Path, stories: int) -> Recording:
@@ -106,107 +149,36 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         The file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
-    section = root.section(_KEYS)
-    recording = None
-    if section:
-        base = section.need("base", "give the file that the ground's motion was recorded in, or a list of them")
-        floors = section.need("floors", "give the floors and the files that their motions were recorded in")
-        recording = Recording(
-            name=section.text("name") or origin.name,
-            source=origin.label,
-            text=origin.data,
-            base=_read_place(base) if base else (),
-            floors=_read_floors(floors, stories) if floors else (),
-            band=_read_pair(section, "band", "two frequencies (Hz), the lower one first", lowest_open=True),
-            window=_read_pair(section, "window", "two times (s), the earlier one first", lowest_open=False),
-            shift=_read_shift(section.get("shift")),
-        )
+    given = replace(root, kind=RECORDING).read()
+    floors = _numbered(given["floors"], stories) if given else ()
     root.faults.raise_if_any()
-    assert recording is not None
-    return recording
+    given |= {"name": given["name"] or origin.name, "base": _tuple(given["base"]), "floors": floors}
+    return Recording(source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0})
 
 
-def _read_place(value: Value) -> tuple[Sensor, ...]:
-    """One sensor or a list of them."""
-    if not value.is_list:
-        return tuple(filter(None, [_read_sensor(value)]))
-    items = value.items("a list of files", "must name at least one file") or ()
-    return tuple(filter(None, [_read_sensor(item) for item in items]))
-
-
-def _read_floors(value: Value, stories: int) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
-    """The sensors by floor, from the ground up."""
-    node = value.node
-    if not isinstance(node, MappingNode):
-        value.section((), f"a mapping from floors (1 to {stories}, or {ROOF}) to their files")
-        return ()
-    names = [key.text for key, _ in node.entries if isinstance(key, ScalarNode)]
-    section = value.section(names)
-    assert section is not None
-    if not node.entries:
-        value.fault("must name at least one floor")
-    found: dict[int, tuple[Sensor, ...]] = {}
-    for name in dict.fromkeys(names):
-        entry = section.get(name)
-        if entry is None:
-            continue
+def _numbered(named: Mapping[str, tuple[Value, Any]], stories: int) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
+    """The sensors by the numbers of their floors, from the ground up."""
+    by_floor: dict[int, tuple[Sensor, ...]] = {}
+    for name, (entry, sensors) in named.items():
         floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
-        elif floor in found:
+        elif floor in by_floor:
             entry.fault(f"floor {floor} is given twice")
-        if sensors := _read_place(entry):
-            found[floor] = sensors
-    return tuple(sorted(found.items()))
+        by_floor[floor] = _tuple(sensors)
+    return tuple(sorted(by_floor.items()))
 
 
-def _read_sensor(value: Value) -> Sensor | None:
-    if not value.is_list and not value.is_mapping:
-        file = value.file(stdin=True)
-        return Sensor(file) if file else None
-    section = value.section(_SENSOR_KEYS, _SENSOR)
-    if section is None:
-        return None
-    section.need("file", "give the file of the recording")
-    column = section.get("column")
-    if column and section.has("component"):
+def _tuple(sensors: Any) -> tuple[Sensor, ...]:
+    """One sensor, for which a file alone may stand, or several."""
+    each = sensors if isinstance(sensors, tuple) else (sensors,)
+    return tuple(Sensor(one) if isinstance(one, str) else one for one in each)
+
+
+def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:
+    column, sign_entry = value.peek("column"), value.peek("sign")
+    if column and given["column"] and given["component"]:
         column.fault("is for a table, component for a record; leave one of them out")
-    said = section.get("quantity")
-    quantity = said.choice(QUANTITIES, "quantity") if said else None
-    sign = section.get("sign")
-    return Sensor(
-        file=section.file("file", stdin=True) or "",
-        component=section.text("component"),
-        column=column.text() if column else None,
-        units=read_sample_units(section.get("units"), quantity),
-        quantity=quantity,
-        sign=_read_sign(sign) if sign else 1,
-    )
-
-
-def _read_sign(value: Value) -> int:
-    number = value.number(ANY)
-    if not math.isnan(number) and abs(number) != 1.0:
-        value.fault("must be 1 or -1")
-    return -1 if number < 0.0 else 1
-
-
-def _read_pair(section: Section, name: str, what: str, *, lowest_open: bool) -> tuple[float, float] | None:
-    """Two growing numbers; None if they are left out or faulty."""
-    value = section.get(name)
-    items = value.items(f"a list of {what}") if value else None
-    if value is None or items is None:
-        return None
-    if len(items) != 2:
-        value.fault(f"must be a list of {what}, got {len(items)}")
-        return None
-    low, high = items[0].number(POSITIVE if lowest_open else NOT_NEGATIVE), items[1].number(POSITIVE)
-    if low >= high:
-        value.fault(f"must be {what}")
-    return low, high
-
-
-def _read_shift(value: Value | None) -> float | str:
-    if value is None:
-        return 0.0
-    return AUTO if value.is_word(AUTO) else value.number(ANY, what=f"{AUTO} or a number of seconds")
+    if sign_entry and sign == 0:
+        sign_entry.fault("must be 1 or -1")
+    return Sensor(units=read_sample_units(value.peek("units"), given["quantity"]), sign=sign or 1, **given)

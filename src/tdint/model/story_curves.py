@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -13,9 +15,210 @@ from scipy.optimize import minimize
 
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
-from tdint.errors import ModelError
-from tdint.model.first_model import FittedLaw
-from tdint.units import FORCE, LENGTH
+from tdint.errors import ModelError, UsageError
+from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
+from tdint.written_numbers import how_many
+
+# ---- The text of a first model file: a building that runs as it is, with comments on what to replace
+
+_HARDENING = "3%"
+_BASE_SHEAR = 0.2
+"""Base shear at first yield over the weight."""
+
+
+@dataclass(frozen=True)
+class _System:
+    """A building's usual units, and round numbers in them: height of a story, mass or weight of a floor."""
+
+    units: str
+    output: str
+    length: str
+    force: str
+    height: float
+    load_key: str
+    load: float
+    load_in_kg: float
+    area: str
+
+
+SYSTEMS = {
+    "si": _System("{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, 300e3, "m"),
+    "us": _System(
+        "{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0,
+        600.0 * FORCE["kip"] / STANDARD_GRAVITY, "ft",
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters by their names, or
+    the points of a backbone (drift, shear)."""
+
+    type: str
+    stiffness: float
+    parameters: tuple[tuple[str, float, str], ...]
+    backbone: tuple[tuple[float, float], ...] = ()
+
+
+def story_model(
+    name: str,
+    *,
+    stories: int,
+    period: float,
+    system: str,
+    motion: str | None,
+    weights: Sequence[float] | None = None,
+    laws: Sequence[FittedLaw] | None = None,
+) -> str:
+    """A building whose first mode is a straight line and has the period (s), or with the laws given.
+
+    With the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift of 1: k_i = omega^2
+    (m_i i + ... + m_n n). Strengths are in proportion, so that all stories yield together in that mode. The shape has
+    no change of sign, so it is the first one.
+
+    Parameters
+    ----------
+    motion : str or None
+        The record's file; None is free vibration, from a roof that was pulled.
+    weights : sequence of float, optional
+        Of the floors from the ground up, kN or kip; equal masses without.
+    laws : sequence of FittedLaw, optional
+        Of the stories from the ground up, in place of the period.
+    """
+    units = SYSTEMS[system]
+    if weights is not None:
+        units = replace(units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}")
+    loads = list(weights) if weights is not None else [units.load] * stories
+    stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
+    lines = []
+    for i, load in enumerate(loads):
+        law = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
+        initial = f"stiffness: {stiffness[i]:.9g}, "
+        if laws is not None:
+            initial_stiffness = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
+            initial = "" if laws[i].backbone else f"stiffness: {initial_stiffness:.9g}, "
+            law = _written(laws[i], units)
+        lines.append(f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}")
+    told = [
+        "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
+        f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
+    ]
+    made = f" with a fundamental period of {period:g} s"
+    if laws is not None:
+        told, made = ["# yields, as fitted to its curve."], " with the curves of its stories"
+    pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
+    return "\n".join(
+        [
+            f"# A building of {how_many(stories, 'story')}{made}, made by `tdint init`:",
+            "# an example to replace.",
+            f"name: {json.dumps(name, ensure_ascii=False)}",
+            f"units: {units.units}" + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
+            f"# From the ground up: the floor's {units.load_key}, story height, initial stiffness, and how the story",
+            *told,
+            "stories:",
+            *lines,
+            *_rest(units, motion, [f"{number:.6g}" for number in pulled]),
+        ]
+    )
+
+
+def _in_a_line(units: _System, loads: Sequence[float], omega: float) -> tuple[list[float], list[float]]:
+    """Stiffnesses and strengths with which the first mode is a straight line, in the system's units."""
+    in_kg = units.load_in_kg / units.load
+    if units.load_key == "weight":
+        in_kg = FORCE[units.force] / STANDARD_GRAVITY
+    masses = [in_kg * load for load in loads]
+    moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
+    above = [math.fsum(moments[i:]) for i in range(len(moments))]
+    weight = math.fsum(masses) * STANDARD_GRAVITY / FORCE[units.force]
+    stiffness = [omega**2 * moment * LENGTH[units.length] / FORCE[units.force] for moment in above]
+    return stiffness, [moment / above[0] * _BASE_SHEAR * weight for moment in above]
+
+
+def _written(law: FittedLaw, units: _System) -> str:
+    """A law as a model file has it; a parameter's dimension is force, length or none."""
+    scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
+    values = [f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters]
+    points = ", ".join(f"[{d / scale['length']:.6g}, {f / scale['force']:.6g}]" for d, f in law.backbone)
+    backbone = [f"backbone: [{points}]", "pinching: {drift: 1, force: 1, unloading: 0}"] if points else []
+    return ", ".join([f"type: {law.type}", *values, *backbone])
+
+
+def type_model(
+    name: str, *, structure: str, stories: int, year: int, area: float, system: str, motion: str | None
+) -> str:
+    """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2 or ft^2."""
+    units = SYSTEMS[system]
+    lengths = units.units if system == "si" else "{length: ft, force: kip}"
+    return "\n".join(
+        [
+            f"# A {structure} building of {how_many(stories, 'story')}, made by `tdint init`: an example to replace.",
+            f"name: {json.dumps(name, ensure_ascii=False)}",
+            f"units: {lengths}",
+            "# Rules make the stories and their damping of these few facts; area is that of one floor, in "
+            f"{units.area}^2. More",
+            "# keys: height (of the whole building), zone, design_level, damping_ratio.",
+            f"building: {{rules: mdof-lu, type: {structure}, stories: {stories}, year: {year}, area: {area:g}}}",
+            *_rest(units, motion, [f"{0.02 * story:.6g}" for story in range(1, stories + 1)], damping=False),
+        ]
+    )
+
+
+def _rest(units: _System, motion: str | None, pulled: list[str], *, damping: bool = True) -> list[str]:
+    """Damping, load, analysis and units of the output."""
+    lines = ["damping: 5%  # Rayleigh damping in modes 1 and 3, or the last one"] if damping else []
+    lines.append("p_delta: false  # true: gravity acts on the displaced building")
+    if motion:
+        lines += [
+            "excitation:",
+            "  # An artificial pulse, for a first look. Put your record in its place, such as",
+            "  # record: {file: station.mseed, component: HNE, units: m/s^2, scale: 1}",
+            f"  record: {{file: {json.dumps(motion, ensure_ascii=False)}}}",
+            "analysis: {method: impulse4}  # the time step is that of the record",
+        ]
+    else:
+        lines += [
+            "# Free vibration: the building was pulled and is let go. For a ground motion write instead",
+            "# excitation: {record: {file: station.mseed, component: HNE, units: m/s^2}}",
+            f"initial: {{displacement: [{', '.join(pulled)}]}}",
+            "analysis: {method: impulse4, dt: 0.01, duration: 20}",
+        ]
+    return [*lines, f"output_units: {units.output}", ""]
+
+
+def first_model(stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si") -> str:
+    """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on bilinear stories, vibrating
+    freely.
+
+    Parameters
+    ----------
+    stories : int
+        Their number.
+    period : float, optional
+        Fundamental period, s; 0.1 s for each story by default.
+    name : str
+        The building's.
+    units : str
+        `si` or `us`.
+
+    Returns
+    -------
+    str
+        YAML with comments.
+
+    Raises
+    ------
+    UsageError
+        No story, no positive period, unknown units.
+    """
+    chosen = 0.1 * stories if period is None else period
+    if stories < 1 or not 0.0 < chosen < math.inf or units not in SYSTEMS:
+        raise UsageError("a first model has stories from 1 on, a positive period, and units of si or us")
+    return story_model(name, stories=stories, period=chosen, system=units, motion=None)
+
+
+# ---- Story curves
 
 _NEEDS = "story curves are a CSV file with the columns story, drift_m and shear_N (or drift_mm, shear_kN, ...)"
 _FEWEST = 4
@@ -78,8 +281,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 
 def _column(table: CsvTable, name: str, units: dict[str, float]) -> tuple[str, float]:
     """The column of a quantity by its name with a unit, and that unit in SI."""
-    known = {f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()}
-    for column, factor in known.items():
+    names = {f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()}
+    for column, factor in names.items():
         if table.has(column):
             return column, factor
     table.need(f"{name}_{'m' if name == 'drift' else 'N'}".lower())
@@ -98,7 +301,7 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
     fit, model = _KINDS[kind]
     scale, top = float(drift[-1]), float(np.max(shear))
     d, f = drift / scale, shear / top
-    best = min((fit(d, f, start) for start in _STARTS), key=lambda found: found[1])
+    best = min((fit(d, f, start) for start in _STARTS), key=lambda fitted: fitted[1])
     law = model(best[0], scale, top)
     return CurveFit(story, law, float(np.sqrt(best[1] / d.size)))
 
@@ -124,8 +327,8 @@ def _search(d: Array, f: Array, start: Array, *, flat: bool) -> tuple[Array, Arr
         inside = np.clip(corners, low, 1.0)
         return float(np.sum(_least_squares(d, f, inside, flat=flat)[1] ** 2))
 
-    found = np.clip(minimize(squares, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14}).x, low, 1.0)
-    corners = np.sort(found)
+    best = np.clip(minimize(squares, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14}).x, low, 1.0)
+    corners = np.sort(best)
     return corners, _least_squares(d, f, corners, flat=flat)[0], squares(corners)
 
 
@@ -147,8 +350,8 @@ def _multilinear(d: Array, f: Array, start: float) -> Corners:
 
     def shears(x: Array) -> tuple[Array, float]:
         hats = np.eye(5)[1:]
-        found, rest = nnls(np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f)
-        return np.asarray(found), float(rest**2)
+        weights, rest = nnls(np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f)
+        return np.asarray(weights), float(rest**2)
 
     begin = np.array([0.3 * start, start, 0.5 * (1.0 + start)])
     search = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
@@ -156,15 +359,15 @@ def _multilinear(d: Array, f: Array, start: float) -> Corners:
     return np.concatenate([best, shears(best)[0]]), shears(best)[1]
 
 
-def _bilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
-    corner, first, second = found
+def _bilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
+    corner, first, second = corners
     hardening = float(np.clip(second / first, 0.0, 0.999))
     yield_force = ("yield_force", float(first * corner * top), "force")
     return FittedLaw("bilinear", float(first * top / scale), (yield_force, ("hardening", hardening, "")))
 
 
-def _trilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
-    first_corner, last_corner, first, second = found
+def _trilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
+    first_corner, last_corner, first, second = corners
     yield_force = float(first * first_corner * top)
     largest = yield_force + float(second * (last_corner - first_corner) * top)
     parameters = (
@@ -177,8 +380,8 @@ def _trilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
     return FittedLaw("trilinear-pinching", float(first * top / scale), parameters)
 
 
-def _multilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
-    drifts, shears = scale * found[:4], top * np.maximum(found[4:], _LEAST_SHEAR)
+def _multilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
+    drifts, shears = scale * corners[:4], top * np.maximum(corners[4:], _LEAST_SHEAR)
     backbone = tuple(zip(drifts.tolist(), shears.tolist(), strict=True))
     return FittedLaw("multilinear-pinching", float(shears[0] / drifts[0]), (), backbone)
 

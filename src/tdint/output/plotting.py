@@ -5,43 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from tdint.analysis.assessment.failures import Trial
 from tdint.analysis.assessment.order import ObservedOrder
-from tdint.analysis.assessment.overshoot import Overshoot
-from tdint.analysis.assessment.stability import StabilityCurve
+from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
+from tdint.analysis.chart.profiles import FieldChart
 from tdint.analysis.chart.work_precision import Chart
-from tdint.analysis.comparison.compare import Comparison
+from tdint.analysis.compare import Comparison
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
+from tdint.analysis.spectra.modal import ModalResponse
 from tdint.analysis.spectra.rotated import RotatedSpectrum
-from tdint.analysis.static.cyclic import CyclicTest
-from tdint.analysis.static.pushover import Pushover
+from tdint.analysis.static import CyclicTest, Pushover
+from tdint.analysis.target_displacement import TargetDisplacement
 from tdint.campaign.fragility.fit_table import FragilityResult
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.ida import IdaStudy
+from tdint.campaign.scaling import Scaling
 from tdint.campaign.sensitivity import Swing
-from tdint.campaign.suites.scaling import Scaling
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.figures import assessment, collapse, demands, records, runs, spectrum_curves, statics, suites
-from tdint.output.figures.comparison import comparison_picture
-from tdint.output.figures.failure_matrix import failure_picture
+from tdint.output.figures import assessment, collapse, runs, spectrum_curves
+from tdint.output.figures import comparison as records
+from tdint.output.figures import comparison as statics
+from tdint.output.figures.assessment import chart_picture, failure_picture
+from tdint.output.figures.comparison import comparison_picture, profile_picture
 from tdint.output.figures.style import picture, style_context
-from tdint.output.figures.work_precision import chart_picture
-from tdint.output.printed import PRINTED, PrintedAs
+from tdint.output.printed import PRINTED, PrintedAs, figure_width
 from tdint.output.tables.spectra import RecordInfo, record_info
-from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.tabular import Several
+from tdint.units import SI, OutputUnits, parse_output_units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _Shown = Sequence[Any]
 _PERIODS = (0.04, 4.0, 100)
@@ -67,17 +72,35 @@ def _of_one(picture: Callable[[Any, OutputUnits], Figure], on_axes: Callable[[An
     )
 
 
+@overload
 def plot(
     result: Any,
-    ax: Any = None,
+    ax: None = None,
     units: str = "",
     *,
     file: str | Path | None = None,
-    width: float | None = None,
+    width: float | str | None = None,
     font: str | None = None,
     title: bool = True,
-    labels: Mapping[str, str] | None = None,
-) -> Any:
+    label: Mapping[str, str] | None = None,
+) -> Figure: ...
+
+
+@overload
+def plot(result: Any, ax: Axes, units: str = "") -> Axes: ...
+
+
+def plot(
+    result: Any,
+    ax: Axes | None = None,
+    units: str = "",
+    *,
+    file: str | Path | None = None,
+    width: float | str | None = None,
+    font: str | None = None,
+    title: bool = True,
+    label: Mapping[str, str] | None = None,
+) -> Figure | Axes:
     """Draw a result, or several of one kind in one picture.
 
     Parameters
@@ -92,19 +115,19 @@ def plot(
         Units in place of SI, such as `kip,in,g`.
     file : str or Path, optional
         Also write the figure: .png, .pdf (with TrueType letters) or .svg.
-    width : float, optional
-        Of print, m: letters have 6 to 8 points then, symbols are those of the field.
+    width : float or str, optional
+        Of print, m, or with its unit, `90mm`: letters have 6 to 8 points then, symbols are those of the field.
     font : str, optional
         Name of a font of this machine.
     title : bool
         Whether the figure has a title; papers have captions.
-    labels : mapping of str to str, optional
+    label : mapping of str to str, optional
         Words in the picture and what shall stand for them: `{"moment4": "present method"}`.
 
     Returns
     -------
     matplotlib.figure.Figure or matplotlib.axes.Axes
-        The figure, of this call alone: matplotlib's pyplot does not know it; or the axes that were given.
+        The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes given.
 
     Raises
     ------
@@ -116,7 +139,8 @@ def plot(
     several = list(result) if isinstance(result, list | tuple | Several) else [result]
     kind = _kind_of(several)
     wanted = parse_output_units(units) if units else SI
-    printed = PrintedAs(width, font, title, tuple((labels or {}).items()))
+    wide = figure_width(width, "plot:") if isinstance(width, str) else width
+    printed = PrintedAs(wide, font, title, tuple((label or {}).items()))
     if ax is not None:
         if file is not None or printed != PrintedAs():
             raise UsageError("on axes that are there, size, letters and file are those of their figure")
@@ -167,7 +191,8 @@ _LOOKS: dict[type, _Look] = {
     Comparison: _Look(_compared),
     CyclicTest: _of_one(statics.cyclic_picture, statics.draw_loop),
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
-    FloorSpectrum: _Look(demands.floor_picture),
+    FieldChart: _Look(lambda found, _: profile_picture(found[0], target="peak-drift"), alone=True),
+    FloorSpectrum: _Look(runs.floor_picture),
     Fragility: _Look(
         lambda found, _: collapse.fragility_picture(found),
         lambda ax, found, _: collapse.draw_functions(ax, found),
@@ -181,6 +206,7 @@ _LOOKS: dict[type, _Look] = {
         lambda ax, one, units: collapse.draw_ida(ax, one.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
+    ModalResponse: _of_one(statics.modal_response_picture, statics.draw_modal_drifts),
     Modes: _of_one(
         lambda one, _: statics.mode_picture(one, name="Modes"),
         lambda ax, one, _: statics.draw_modes(ax, one),
@@ -192,7 +218,7 @@ _LOOKS: dict[type, _Look] = {
     RecordInfo: _INFO,
     Response: _of_one(runs.run_picture, runs.draw_drifts),
     RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
-    Scaling: _of_one(suites.suite_picture, suites.draw_suite),
+    Scaling: _of_one(collapse.suite_picture, collapse.draw_suite),
     Spectrum: _Look(
         lambda found, units: spectrum_curves.spectrum_picture(found, units=units),
         spectrum_curves.draw_accelerations,
@@ -201,6 +227,7 @@ _LOOKS: dict[type, _Look] = {
         lambda found, _: assessment.stability_picture(found),
         lambda ax, found, _: assessment.draw_radius(ax, found),
     ),
-    Swing: _Look(demands.sensitivity_picture),
+    Swing: _Look(runs.sensitivity_picture),
+    TargetDisplacement: _Look(statics.target_picture),
     Trial: _Look(lambda found, _: failure_picture(found)),
 }

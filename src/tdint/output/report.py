@@ -6,20 +6,44 @@ import base64
 import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.target import read_target
+from tdint.campaign.intensity import GEOMETRIC_MEAN
+from tdint.campaign.motions import GivenFactors
+from tdint.campaign.scaling import Scaling
+from tdint.ground_motion.record import Record, component_names
+from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
-from tdint.output.summary import versions
-from tdint.output.tables.table import TEXT, Cell, Table
-from tdint.output_units import SI, OutputUnits
-from tdint.quantity import suffix
+from tdint.output.summary import campaign_summary, versions
+from tdint.output.tables.buildings import story_table
+from tdint.output.tables.campaign import profile_error_table, profile_table
+from tdint.output.tables.spectra import motion_table
+from tdint.output.tables.table import CORRECTED, TEXT, Cell, Table, converted
+from tdint.units import SI, OutputUnits, suffix
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from tdint.analysis.run.outcome import Response
+    from tdint.analysis.spectra.floors import FloorSpectrum
+    from tdint.campaign.plan import Plan
+    from tdint.campaign.profiles import FloorSuite, Profile
+    from tdint.campaign.store import Store
+
+MOST_COLUMNS = 9
+"""Of a table on a page of A4: numbers of four digits, at 8.5 points, do not break."""
+
+_DIGEST = "SHA-256"
+"""Name of the column of digests, which are long."""
 
 _LARGE = 160_000
 """Bytes of a picture as SVG, from which it is put in as PNG: a long history has many points."""
@@ -30,13 +54,15 @@ body { font: 10pt/1.4 system-ui, "Segoe UI", Helvetica, Arial, sans-serif; color
   margin: 8mm auto; padding: 0 4mm }
 h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 7mm 0 2mm; border-bottom: 1px solid #bbb }
 table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0; width: 100% }
-th, td { border-bottom: 1px solid #ddd; padding: 0.6mm 1.5mm; text-align: right; vertical-align: top }
+th, td { border-bottom: 1px solid #ddd; padding: 0.6mm 1.2mm; text-align: right; vertical-align: top }
+td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
+td.d { font: 6.5pt monospace; text-align: left }
 th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
-thead { display: table-header-group } tr, table, figure, p.w { break-inside: avoid } h2 { break-after: avoid }
+thead { display: table-header-group } tr, table, figure, p.w { break-inside: avoid } h2, p.k { break-after: avoid }
 figure { margin: 3mm 0 } img { max-width: 100%; max-height: 245mm; display: block; margin: 0 auto }
 figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
 code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0; padding-left: 5mm }
-@media print { body { margin: 0; padding: 0; max-width: none } img { max-height: 185mm } }
+@media print { body { margin: 0; padding: 0; max-width: none } img { max-height: 160mm } }
 """
 
 LEFT_OUT = (
@@ -69,11 +95,39 @@ class Chapter:
     parts: Sequence[Part]
 
 
-def page(title: str, about: str, chapters: Iterable[Chapter], warnings: Sequence[str] = ()) -> bytes:
-    """The page, UTF-8: title, a sentence about it, warnings, chapters; and the versions that made it."""
-    made = ", ".join(f"{name} {number}" for name, number in versions().items() if number)
-    body = [f"<h1>{escape(title)}</h1>", f"<p>{escape(about)}</p>"]
-    body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in warnings]
+@dataclass(frozen=True)
+class Told:
+    """What a page says beside the numbers that it is made of.
+
+    Attributes
+    ----------
+    said : sequence of str
+        The result in a few sentences.
+    warnings : sequence of str
+        What changes the meaning of a number.
+    head : sequence of (str, str)
+        Names and texts of the lines at its top: project, author, date.
+    inputs : sequence of mapping
+        The files that were read, with their SHA-256.
+    """
+
+    said: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    head: Sequence[tuple[str, str]] = ()
+    inputs: Sequence[Mapping[str, Any]] = ()
+
+
+def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
+    """The page, UTF-8: title, head, a sentence about it, warnings, chapters; and the versions that made it."""
+    of_all = versions()
+    code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
+    made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
+    body = [f"<h1>{escape(title)}</h1>"]
+    if told.head:
+        lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
+        body.append(f'<p class="h">{"<br>".join(lines)}</p>')
+    body.append(f"<p>{escape(about)}</p>")
+    body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in _once(told.warnings)]
     for chapter in chapters:
         if any(_has(part) for part in chapter.parts):
             body += [f"<h2>{escape(chapter.title)}</h2>", *(_part(part) for part in chapter.parts if _has(part))]
@@ -92,7 +146,8 @@ def _has(part: Part) -> bool:
 
 def _part(part: Part) -> str:
     if isinstance(part, str):
-        return f"<p>{_said(part)}</p>"
+        kept = ' class="k"' if part.endswith(":") else ""
+        return f"<p{kept}>{_said(part)}</p>"
     if isinstance(part, Table):
         return _table(part)
     if isinstance(part, Picture):
@@ -103,6 +158,15 @@ def _part(part: Part) -> str:
 def _said(text: str) -> str:
     """Text of files' names and headers, lines kept."""
     return "<br>".join(escape(line) for line in text.splitlines())
+
+
+def _once(texts: Iterable[str]) -> list[str]:
+    """Texts, each once: what is said of several files (`FILE: text`) with their names before it."""
+    files: dict[str, dict[str, None]] = {}  # sets in the order of arrival
+    for text in texts:
+        file, colon, rest = text.partition(": ")
+        files.setdefault(rest if colon else text, {})[file if colon else ""] = None
+    return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
 def _image(picture: Picture) -> str:
@@ -120,10 +184,29 @@ def _drawn(picture: Picture, end: str) -> bytes:
 
 
 def _table(table: Table) -> str:
-    """A table with its units in the heading, columns without any value left out."""
+    """A table with its units in the heading and drift ratios in percent, columns without any value left out; one that
+    is wider than a page goes on below with its first column again."""
+    table = _in_percent(table)
     kept = [i for i in range(len(table.columns)) if any(_shown(row[i]) for row in table.rows)]
+    parts = [kept[:MOST_COLUMNS]]
+    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
+        parts.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
+    return "\n".join(_part_of_table(table, part) for part in parts)
+
+
+def _in_percent(table: Table) -> Table:
+    """The same with its drift ratios in percent."""
+    ratios = [name for name in table.columns if "drift_ratio" in name]
+    if not ratios:
+        return table
+    factors = [0.01 if name in ratios else 1.0 for name in table.columns]
+    rows = [tuple(map(converted, row, factors)) for row in table.rows]
+    return Table(table.columns, rows, table.meanings | {name: {"meaning": "", "unit": "%"} for name in ratios})
+
+
+def _part_of_table(table: Table, kept: Sequence[int]) -> str:
     words = {i for i in kept if table.meanings.get(table.columns[i], {}).get("unit", TEXT) == TEXT}
-    side = {i: ' class="t"' if i in words else "" for i in kept}
+    side = {i: ' class="d"' if table.columns[i] == _DIGEST else ' class="t"' if i in words else "" for i in kept}
     head = "".join(f"<th{side[i]}>{escape(_heading(table, i))}</th>" for i in kept)
     rows = ("".join(f"<td{side[i]}>{escape(_shown(row[i]))}</td>" for i in kept) for row in table.rows)
     lines = "\n".join(f"<tr>{cells}</tr>" for cells in rows)
@@ -171,6 +254,297 @@ def damping_words(model: Model) -> str:
     return "no damping besides dashpots"
 
 
-def input_points(inputs: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Files with their SHA-256, each once."""
-    return list(dict.fromkeys(f"{one['file']}: SHA-256 {one['sha256']}" for one in inputs))
+def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]] = ()) -> Chapter:
+    """Files with their SHA-256, each once, and what else has one."""
+    rows = dict.fromkeys([*((one["file"], one["sha256"]) for one in inputs), *more])
+    return Chapter("Inputs", (Table(("file", _DIGEST), list(rows)),))
+
+
+# ---- The pages of a run and of a suite: which chapters they have
+
+_MOST_MOTIONS = 60
+"""Motions whose spectra are drawn."""
+
+_MOST_LEVELS = 4
+"""Levels of which the motions are listed."""
+
+_MOST_MODELS = 8
+"""Buildings whose stories are listed."""
+
+_MOST_DAMAGE = 60
+"""Rows of damage that are listed."""
+
+_PERIODS = (0.05, 5.0, 100)
+_OF_STORIES = (
+    "peak_drift_ratio",
+    "peak_drift",
+    "residual_drift",
+    "peak_shear",
+    "peak_damper_force",
+    "peak_total_shear",
+    "ductility",
+    "peak_displacement",
+    "peak_absolute_acceleration",
+)
+_OF_SUITE = ("residual_drift", "peak_total_shear", "peak_absolute_acceleration", "peak_damper_force")
+_ERRORS = "Estimated errors of the time integration, in percent; of residual drifts in percent of the peak drifts:"
+
+
+def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] = (), units: OutputUnits = SI) -> bytes:
+    """The page of a run.
+
+    Parameters
+    ----------
+    response : Response
+        With its history, for the picture.
+    floors : sequence of FloorSpectrum
+        The spectra of its floors that were asked for.
+    """
+    model, check = response.model, response.check
+    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ())).in_units(units)
+    # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
+    damped = any(response.stories.peak_damper_force)
+    places = {_quantity(whole, name): name for name in whole.columns}
+    names = [places[name] for name in _OF_STORIES if name in places and not (damped and name == "peak_shear")]
+    omega, damping = assemble(model).first_mode()
+    drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
+    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Spectra of floors")
+    chapters = [
+        Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
+        Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
+        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        model_chapter(model, 2.0 * math.pi / omega, damping, units),
+        _motions([[(response.record, 1.0)]] if response.record else [], units),
+        _assumptions(f"{response.method}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
+        Chapter("Notes", (_once(response.notes),)),
+        _inputs(told.inputs),
+    ]
+    return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
+
+
+def _quantity(table: Table, name: str) -> str:
+    """The name of a column without its unit."""
+    return name.removesuffix(suffix(table.meanings[name].get("unit", TEXT)))
+
+
+def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tuple[Part, ...]:
+    """The errors of these columns in percent, and the drifts that are corrected by them."""
+    check = response.check
+    if check is None or check.drift_error is None:
+        return ("The error of the time integration was not estimated; --check does.",)
+    cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
+    drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
+    shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
+    for name in shown:
+        over = cells[drift if name.startswith("residual") else name]
+        columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
+    labels = [_quantity(whole, name) for name in shown]
+    meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {"story": whole.meanings["story"]}
+    if (corrected := f"{CORRECTED}{drift}") in cells:
+        columns.append(cells[corrected])
+        labels.append(corrected)
+        meanings[corrected] = whole.meanings[corrected]
+    return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
+
+
+def _percent(error: Cell, size: Cell) -> float | None:
+    """An error in percent of what it is one of, two digits; none where that is nothing."""
+    if not isinstance(error, float) or not isinstance(size, float) or math.isnan(error) or size == 0.0:
+        return None
+    return float(f"{100.0 * error / abs(size):.2g}")
+
+
+def suite_page(
+    plan: Plan,
+    store: Store,
+    found: Sequence[Profile],
+    told: Told,
+    *,
+    limit: float | None = None,
+    ratios: Table | None = None,
+    floors: Sequence[FloorSuite] = (),
+    units: OutputUnits = SI,
+) -> bytes:
+    """The page of several runs.
+
+    Parameters
+    ----------
+    store : Store
+        All runs of the plan, done.
+    found : sequence of Profile
+        Of each building and level.
+    ratios : Table, optional
+        The buildings over a baseline.
+    floors : sequence of FloorSuite
+        The spectra of floors over the motions that were asked for.
+    """
+    content = campaign_summary(store)
+    runs = content["runs"]
+    about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
+    limits = "" if limit is None else f", limit {100.0 * limit:g} %"
+    profile = Picture(
+        lambda: figures.runs.profile_picture(found, units, limit=limit, title=plan.name),
+        f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
+    )
+    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
+    models = [one.subject() for one in {one.name: one for one in plan.buildings[:_MOST_MODELS]}.values()]
+    methods = ", ".join(dict.fromkeys(one.method for one in models))
+    own = plan.settings.dt
+    step = f"{methods}, steps of {own:g} s" if own else f"{methods}, steps of the models or the records"
+    rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
+    scaled, doubts = _scaling(plan, units)
+    chapters = [
+        Chapter("Result", (list(told.said), *((profile,) if found else ()))),
+        Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
+        *(Chapter(f"Over the motions: {_with_level(one)}", _of_level(one, units)) for one in found),
+        Chapter("Damage", _damage(store)),
+        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        *(model_chapter(one.model, one.period, assemble(one.model).first_mode()[1], units) for one in models),
+        _motions(_as_run(plan, store), units, scaled),
+        _assumptions(step, [*rest, _SUITE]),
+        Chapter("Notes", (_once(plan.notes),)),
+        _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
+    ]
+    of_records = [f"{one.record.source}: {text}" for one in plan.motions for text in one.record.warnings]
+    told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
+    return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
+
+
+def _with_level(one: Profile) -> str:
+    return ", ".join(filter(None, [one.building, one.level_text]))
+
+
+def _of_level(profile: Profile, units: OutputUnits) -> tuple[Part, ...]:
+    """Means and largest values of a building, and where they were estimated their errors."""
+    told = not np.isnan(profile.height).any()
+    values = profile_table(profile, ("peak_drift_ratio" if told else "peak_drift", *_OF_SUITE), units)
+    if not profile.peak_errors:
+        return (values,)
+    return values, _ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))
+
+
+def _compared(ratios: Table) -> Table:
+    """The ratios that there are, their quantities in words."""
+    place = ratios.columns.index("quantity")
+    rows = [
+        (*row[:place], str(row[place]).replace("_", " "), *row[place + 1 :])
+        for row in ratios.rows
+        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[place + 1 :])
+    ]
+    return replace(ratios, rows=rows)
+
+
+def _damage(store: Store) -> tuple[Part, ...]:
+    """The damage of each type, and what it costs; nothing where it is not told."""
+    if not store.damage():
+        return ()
+    from tdint.output.tables.damage_states import loss_table, type_table
+
+    tables = [type_table(store), loss_table(store)]
+    more = any(len(table.rows) > _MOST_DAMAGE for table in tables)
+    short = [replace(table, rows=table.rows[:_MOST_DAMAGE]) for table in tables]
+    return *short, "The first rows; damage-types.csv and losses.csv have all." if more else ""
+
+
+def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
+    """The motions with the factors on them, level by level from the smallest; what several buildings share once."""
+    factors: dict[tuple[int, int, int], list[float]] = {}
+    for building, motion, scale, sample, *_ in store.runs():
+        factors.setdefault((building, motion, sample), []).append(scale)
+    levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
+    for (building, motion, _), scales in factors.items():
+        for rank, scale in enumerate(sorted(scales, key=abs)):
+            levels.setdefault((building, rank), []).append((motion, scale))
+    return [
+        [(plan.motions[motion].record, scale) for motion, scale in one]
+        for one in dict.fromkeys(map(tuple, levels.values()))
+    ]
+
+
+_RULES = {
+    "value": "each motion to this value",
+    "mean": "least squares of ln Sa, each motion for itself",
+    "asce7": "ASCE 7-16, 16.2.3.2",
+    "ec8": "EN 1998-1:2004, 3.2.3.1.2",
+    "p695": "FEMA P-695, A.8",
+}
+
+
+def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str]]:
+    """What the factors of a campaign were found for, with a picture where that is a spectrum, and what a reviewer would
+    ask about them; as `tdint scale` told it beside them."""
+    if not plan.factors:
+        return (), []
+    if not plan.scaled:
+        return (f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",), []
+    settings = plan.scaled["settings"]
+    aim = settings["target"] or " ".join(
+        f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split() if settings["measure"] else ()
+    )
+    words = [
+        f"Factors: {plan.factors}, found by `tdint scale`",
+        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
+    ]
+    words += [f"target {aim}"] if aim else []
+    if settings["periods_s"]:
+        words.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
+    words.append(f"{100.0 * settings['damping']:g} % damping")
+    words += [f"pairs by their {settings['pairs']}"] if settings["pairs"] else []
+    if settings["least_average_over_target"] is not None:
+        words.append(f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target at the least")
+    parts: list[Part] = ["; ".join(words) + "."]
+    if settings["target"] and isinstance(plan.levels, GivenFactors):
+        wholes = {id(one.whole): (one.whole, plan.levels.by_motion[i]) for i, one in enumerate(plan.motions)}
+        if all(len(factors) == 1 for _, factors in wholes.values()):
+            scaling = Scaling(
+                tuple(whole for whole, _ in wholes.values()),
+                np.array([factors[0] for _, factors in wholes.values()]),
+                settings["rule"],
+                settings["pairs"] or GEOMETRIC_MEAN,
+                settings["damping"],
+                target=read_target(settings["target"]),
+                periods=np.geomspace(*settings["periods_s"]),
+            )
+            parts.append(
+                Picture(partial(figures.collapse.suite_picture, scaling, units), "The scaled motions and the target")
+            )
+    return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
+
+
+def _motions(
+    levels: Sequence[Sequence[tuple[Record, float]]], units: OutputUnits, scaled: Sequence[Part] = ()
+) -> Chapter:
+    """The ground motions as they were run, and their spectra, level by level, unless a picture of their scaling has
+    these."""
+    parts: list[Part] = list(scaled)
+    drawn = any(isinstance(part, Picture) for part in scaled)
+    for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
+        records = [record.scaled(factor) for record, factor in level]
+        factors = {factor for _, factor in level}
+        times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its factor"
+        said = "" if factors == {1.0} else f", {times}"
+        parts += [f"Level {number} of {len(levels)}{said}:"] * (len(levels) > 1)
+        parts.append(motion_table(records, component_names(records)).in_units(units))
+        if len(records) <= _MOST_MOTIONS and not drawn:
+            periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
+            spectra = [spectrum(record, periods) for record in records]
+            draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+            parts.append(Picture(draw, f"Response spectra, 5 % damping{said}"))
+    return Chapter("Ground motions", parts)
+
+
+_SUITE = (
+    "of pairs of horizontal components the larger value counts; means are over the motions under which the building "
+    "stood"
+)
+
+
+def _assumptions(step: str, more: Sequence[str]) -> Chapter:
+    points = (
+        f"Time integration: {step}.",
+        *(f"{text[0].upper()}{text[1:]}." for text in more),
+        "A shear building: " + LEFT_OUT[0][0].lower() + LEFT_OUT[0][1:],
+        *LEFT_OUT[1:],
+        "Drifts and displacements are relative to the floor below and to the ground; accelerations are absolute.",
+    )
+    return Chapter("Assumptions", (points,))

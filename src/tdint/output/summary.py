@@ -8,9 +8,10 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -18,16 +19,18 @@ import numpy as np
 
 from tdint.analysis.defaults import QUANTITIES
 from tdint.ground_motion.record import Input, Record
+from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model
 from tdint.output.tables.table import converted, describe, described_in
-from tdint.output_units import SI, OutputUnits
-from tdint.version import version_of_sources
+from tdint.system import CLOCKS, version_of_sources
+from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.analysis.chart.work_precision import Chart, Point
-    from tdint.analysis.comparison.compare import Comparison
-    from tdint.analysis.comparison.fit import Fit
-    from tdint.campaign.store.store import Store
+    from tdint.analysis.chart.profiles import FieldChart
+    from tdint.analysis.chart.work_precision import Chart, Point, Timing
+    from tdint.analysis.compare import Comparison
+    from tdint.analysis.fit import Fit
+    from tdint.campaign.store import Store
 
 _SCHEMA = 1
 
@@ -110,7 +113,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "columns": describe(run_columns(store)),
         "profiles": {"columns": describe([*PROFILES, *PROFILE_ERRORS * store.checked])},
         **({"damage": damage_summary(store)} if store.damage() else {}),
-        "versions": versions(),
+        "versions": {**versions(), **({"plugins": code} if (code := store.code()) else {})},
     }
 
 
@@ -167,6 +170,15 @@ def json_bytes(content: dict[str, Any]) -> bytes:
     return (text + "\n").encode()
 
 
+def listed_files(summary: Path) -> dict[str, str]:
+    """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such summary."""
+    try:
+        files = json.loads(summary.read_bytes())["files"]
+        return {one["file"]: one["sha256"] for one in files}
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return {}
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
@@ -209,11 +221,13 @@ def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     return [{"file": item.file, "sha256": item.sha256} for item in inputs]
 
 
-def versions() -> dict[str, str | None]:
-    """Versions of tdint, of the packages it computes with, and of Python; and the hash of tdint's sources."""
+def versions() -> dict[str, Any]:
+    """Versions of tdint, of the packages it computes with, and of Python; the hash of tdint's sources; and the SHA-256
+    of the files of plug-ins, by name, where there are any."""
     packages = {package: _version(package) for package in _PACKAGES}
     own, sources = version_of_sources()
-    return {"tdint": own, **packages, "python": platform.python_version(), "sources": sources}
+    told = {"tdint": own, **packages, "python": platform.python_version(), "sources": sources}
+    return told | ({"plugins": code_of(CODE)} if CODE else {})
 
 
 @cache
@@ -253,13 +267,50 @@ def chart_summary(
         "record": record_summary(record) if record else None,
         "target": target,
         "interval_s": charts[0].interval,
+        "timing": [_timing(chart.timing) for chart in charts],
         "references": [_reference(chart) for chart in charts],
+        "peers": [asdict(peer) for chart in charts for peer in chart.peers],
         "recommended": [_advice(one, target) for one in advice],
         "usual": _point(charts[0].usual, target) if len(charts) == 1 else None,
         "notes": list(notes),
         "columns": meanings,
         "versions": versions(),
     }
+
+
+def field_summary(
+    chart: FieldChart, *, notes: Sequence[str], meanings: Mapping[str, Mapping[str, str]]
+) -> dict[str, Any]:
+    """Content of the JSON file beside the table of performance profiles: the problems, how well their references are
+    known, all that was measured, what is recommended."""
+    names = ("name", "motion", "reason", "stories", "interval", "duration", "ductility", "changes", "confirmed_by")
+    return {
+        "schema": schema("profiles"),
+        "command": "chart",
+        "problems": [
+            {name: getattr(one, name) for name in names}
+            | {
+                "reference": "impulse4, 32 steps an interval",
+                "gap": asdict(one.gap),
+                "points": [
+                    [point.method, point.dt, point.outcome, point.iterations, point.fastest]
+                    + [point.error(quantity) for quantity in asdict(one.gap)]
+                    for point in one.points
+                ],
+            }
+            for one in chart.measured
+        ],
+        "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{name}_error" for name in _OF_PEAKS)],
+        "recommended": chart.leaders()._asdict(),
+        "timing": _timing(chart.timing),
+        "peers": [asdict(peer) for peer in chart.peers],
+        "notes": list(notes),
+        "columns": meanings,
+        "versions": versions(),
+    }
+
+
+_OF_PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
 
 def _reference(chart: Chart) -> Mapping[str, Any]:
@@ -270,6 +321,17 @@ def _reference(chart: Chart) -> Mapping[str, Any]:
         "dt_s": reference.dt,
         "confirmed_by": reference.confirmed_by,
         "gap": {quantity.replace("-", "_"): reference.gap.of(quantity) for quantity in QUANTITIES},
+    }
+
+
+def _timing(timing: Timing) -> Mapping[str, Any]:
+    return {
+        "clock": CLOCKS[timing.clock],
+        "repeats": list(timing.repeats),
+        "load": timing.load,
+        "processor": timing.processor,
+        "processors": timing.processors,
+        "wall_over_processor_time": timing.stretch,
     }
 
 
@@ -329,7 +391,7 @@ def _inputs(one: Comparison) -> list[Any]:
 
 
 def _event(one: Comparison) -> dict[str, Any]:
-    from tdint.analysis.comparison.compare import absolute_displacements
+    from tdint.analysis.compare import absolute_displacements
 
     event, response = one.event, one.response
     return {

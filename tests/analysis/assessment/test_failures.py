@@ -1,7 +1,5 @@
 """The problems on which methods fail: their answers by other routes, and what the methods make of them."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import cache
@@ -13,8 +11,15 @@ import pytest
 import readmes
 from references import matrices, smooth
 from tdint import load_model, run
-from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
-from tdint.analysis.assessment.hard_problems import hardening_motion, problems, soft_node_motion, softening_motion
+from tdint.analysis.assessment.failures import (
+    attempt,
+    find_problems,
+    hardening_motion,
+    problems,
+    soft_node_motion,
+    softening_motion,
+    usual_methods,
+)
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 
@@ -191,9 +196,12 @@ def test_the_digest_in_the_readme(name, dt, method, cell):
     value = cell.strip("*")
     if value == one.verdict:
         return
-    rough = method == "impulse" and one.verdict == "gains energy"
+    if method == "impulse" and one.verdict == "gains energy":
+        # Another last digit of the start makes 40 to 90 of 46: what rounding makes of it on a machine is within that.
+        assert 0.25 < one.measure / float(value) < 4.0
+        return
     digits = len(re.sub(r"e.*|\.|^0\.0*", "", value))
-    assert one.measure == pytest.approx(float(value), rel=0.5 if rough else 1.01 * 10.0 ** (1 - digits))
+    assert one.measure == pytest.approx(float(value), rel=1.01 * 10.0 ** (1 - digits))
 
 
 # ---- Limits and overshoot
@@ -212,12 +220,6 @@ def test_below_and_above_the_limit(method, name):
 def test_wilson_below_1_366():
     assert trial("wilson:theta=1.3", "large-step").verdict == "blows up"
     assert trial("wilson:theta=1.37", "large-step").verdict == "pass"
-
-
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
-def test_the_impulse_methods_keep_their_energy_at_sqrt_12(method):
-    kept = trial(method, "sqrt-12")
-    assert (kept.energy_ratio_min, kept.energy_ratio_max) == pytest.approx((1.0, 1.0), abs=1e-12)
 
 
 def test_overshoot():

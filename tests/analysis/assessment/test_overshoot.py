@@ -1,13 +1,11 @@
 """First steps under a large step, and the powers with which they grow."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from tdint.analysis.assessment.overshoot import EXACT_POWERS, STARTS, overshoot, verdict
+from tdint.analysis.assessment.stability import EXACT_POWERS, STARTS, overshoot, verdict
 from tdint.methods.catalogue import catalogue, parse
 
 # Powers of omega h in the first step as omega h goes to infinity, without damping: u and h v from u0, u and h v from

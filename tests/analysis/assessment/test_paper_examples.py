@@ -3,8 +3,6 @@
 The numbers of example 1 were measured with another implementation of the same formulas against DOP853 at 1e-13.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path

@@ -1,17 +1,13 @@
 """Spectral radius, period error, numerical damping and critical steps, measured on the compiled steps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
-from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import workspace
+from tdint.analysis.run.workspace import Steps, amplification, workspace
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import oscillators
@@ -92,10 +88,29 @@ def test_period_error_and_numerical_damping(method):
     assert curve.amplitude_decay[0] == pytest.approx(1.0 - math.exp(-2.0 * math.pi * curve.numerical_damping[0]))
 
 
-@pytest.mark.parametrize("method", catalogue())
+MEMBERS = (
+    *(
+        f"bathe:rho_inf={rho_inf},gamma={gamma}"
+        for rho_inf, gamma in ((0.0, 0.95), (0.3, 0.05), (0.8, 0.5), (1.0, 0.95))
+    ),
+    *(f"bathe:rho_inf={rho_inf}" for rho_inf in (0.3, 0.8, 1.0)),
+    *(f"kr-alpha:rho_inf={rho_inf}" for rho_inf in (0.0, 0.5, 1.0)),
+)
+EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "rk5"}
+
+
+@pytest.mark.parametrize("method", [*catalogue(), *MEMBERS])
 def test_declared_stability_limit(method):
     integrator = parse(method)
     assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)
+    if math.isinf(integrator.stability_limit):
+        assert critical_step(integrator, 0.05) == math.inf
+
+
+def test_which_methods_are_explicit():
+    assert {name for name in catalogue() if not parse(name).implicit} == EXPLICIT
+    conditional = {"central-difference", "fox-goodwin", "newmark-linear", "rk5"}  # no limit at infinity to speak of
+    assert {name for name in catalogue() if math.isnan(parse(name).rho_inf)} == conditional
 
 
 @pytest.mark.parametrize(
@@ -132,7 +147,9 @@ def test_beta_off_1_144_is_unstable_beside_sqrt_12(beta):
     )
 
 
-@pytest.mark.parametrize("method", [method for method in catalogue() if not math.isnan(parse(method).rho_inf)])
+@pytest.mark.parametrize(
+    "method", [method for method in (*catalogue(), *MEMBERS) if not math.isnan(parse(method).rho_inf)]
+)
 def test_declared_radius_at_infinity(method):
     """The matrix tends to its limit like 1 / (omega h)^2, and m roots that meet there like the m-th root of that: m is
     6 for park, 3 at most for the others. Rounding lifts the radius by (omega h)^2 times 1e-16 in chang."""
@@ -143,8 +160,8 @@ def test_declared_radius_at_infinity(method):
     assert radius == pytest.approx(integrator.rho_inf, abs=bound)
 
 
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
-def test_the_impulse_step_neither_grows_nor_decays(method):
+@pytest.mark.parametrize("method", ["impulse", "impulse4", "gauss4"])
+def test_steps_that_neither_grow_nor_decay(method):
     curve = stability(parse(method), np.geomspace(1e-3, 1e4, 2000) / (2.0 * math.pi))
     assert np.max(np.abs(curve.spectral_radius - 1.0)) <= 1e-12
     assert one_point(method, 0.1).period_error[0] == pytest.approx(2.11e-4, abs=0.005e-4)
@@ -215,6 +232,6 @@ def test_declared_limits_are_the_measured_ones():
         integrator = parse(name)
         assert false_limit(integrator, critical_step(integrator)) == ""
     explicit, implicit = parse("central-difference"), parse("newmark-average")
-    assert "declares it stable up to omega dt 2, measured is 1.9" in false_limit(explicit, 1.9)
+    assert "declares that it is stable up to omega dt 2, measured is 1.9" in false_limit(explicit, 1.9)
     assert "measured is none up to 10000" in false_limit(explicit, math.inf)
-    assert "declares it stable up to omega dt inf, measured is 3.5" in false_limit(implicit, 3.5)
+    assert "declares that it is stable up to omega dt inf, measured is 3.5" in false_limit(implicit, 3.5)

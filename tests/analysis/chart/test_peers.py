@@ -1,22 +1,23 @@
 """Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is missing is told."""
 
-from __future__ import annotations
-
+import math
 import subprocess
 import sys
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
+import readmes
 from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart import peers as opensees_peer
 from tdint.analysis.chart import peers as scipy_peer
-from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers
-from tdint.analysis.chart.problem import pose
-from tdint.analysis.chart.reference import Errors, Reference, find_reference
+from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers, with_plugins
+from tdint.analysis.chart.problem import Errors, Reference, find_reference, pose
 from tdint.analysis.chart.work_precision import measure
-from tdint.methods.catalogue import parse
+from tdint.errors import UsageError
+from tdint.methods.catalogue import load_plugin, parse
 from tdint.model.definition import ModalDamping
 
 installed = pytest.mark.skipif(find_spec("openseespy") is None, reason="openseespy is not installed")
@@ -167,3 +168,52 @@ def test_peers_stand_behind_the_methods(monkeypatch):
     assert any(line.startswith("openseespy") for line in lines) == (
         not any(note.startswith("openseespy is left out") for note in notes)
     )
+
+
+@pytest.fixture
+def leapfrog(tmp_path):
+    """The README's plug-in, forgotten after the test."""
+    file = tmp_path / "leapfrog.py"
+    file.write_text(readmes.block("plugin-peer"))
+    load_plugin(str(file))
+    yield file
+    sys.modules.pop("tdint_plugin_leapfrog", None)
+
+
+def test_a_program_of_a_plugin_is_charted(leapfrog):
+    """A line of two points, whose error falls with the step: twice as large a step, twice the error, for order 1."""
+    problem = pose(ten_linear(), noise(samples=301))
+    chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
+    both, notes = with_plugins(problem, chart, repeats=2)
+    assert notes == []
+    assert [peer.name for peer in both.peers] == ["leapfrog"]
+    coarse, fine = both.points[1:]
+    assert (coarse.method, coarse.line, fine.line) == ("leapfrog/leapfrog:parts=4", *2 * ["leapfrog/leapfrog"])
+    assert (coarse.dt, coarse.steps, coarse.outcome, len(coarse.times)) == (0.0025, 1200, "done", 2)
+    assert coarse.errors.displacement / fine.errors.displacement == pytest.approx(2.0, abs=0.1)
+    assert math.isnan(coarse.errors.velocity)
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda problem: problem.nothing, "AttributeError: "),
+        (lambda problem: (np.arange(3.0), np.zeros((3, 1))), "ValueError: gives times (3,) and displacements (3, 1)"),
+        (lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))), "ValueError: ends at 0.02 s, before the last"),
+        (lambda problem: (0.003 * np.arange(3.0), np.zeros((3, 10))), "UsageError: "),
+        (lambda problem: (0.01 * np.arange(400.0) ** 1.5, np.zeros((400, 10))), "ValueError: gives times that do not"),
+    ],
+)
+def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog, monkeypatch):
+    monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other", function),))
+    problem = pose(ten_linear(), noise(samples=301))
+    chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
+    both, (note,) = with_plugins(problem, chart, repeats=1)
+    assert both.points == chart.points
+    assert note.startswith(f"leapfrog/other is left out: {said}")
+
+
+def test_peers_that_are_none_are_refused(leapfrog, monkeypatch):
+    monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
+    with pytest.raises(UsageError, match="PEERS holds pairs of a name and a function"):
+        with_plugins(pose(ten_linear(), noise(samples=301)), None, repeats=1)

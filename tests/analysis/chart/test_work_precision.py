@@ -1,8 +1,7 @@
 """Work against precision: errors, the reference and its cache, orders, recommendations."""
 
-from __future__ import annotations
-
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +10,13 @@ from scipy.linalg import expm
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from references import drifts, exact_linear, smooth
-from tdint import run
-from tdint.analysis.chart import reference as references
-from tdint.analysis.chart.problem import FloorMotion, pose, stretched
-from tdint.analysis.chart.reference import Errors, errors, find_reference
+from tdint import run, system
+from tdint.analysis.chart import problem as references
+from tdint.analysis.chart.problem import Errors, FloorMotion, errors, find_reference, pose, stretched
 from tdint.analysis.chart.work_precision import (
     DEFAULT_METHODS,
     Point,
+    Timing,
     cheapest,
     default_steps,
     halved_steps,
@@ -429,3 +428,39 @@ def test_forces_and_the_start_move_with_their_floors():
         assert len(other.initial.displacement) == count
         assemble(other)
     assert stretched(shaken, 2).damping.ratios == (0.05, 0.04)
+
+
+# ---- what marches are timed by
+
+
+def test_the_clock_of_marches_does_not_run_while_the_thread_waits(monkeypatch):
+    """Where it is fine; where it goes by ticks as Windows' does, or stands still, the wall's is taken."""
+    system.clock.cache_clear()
+    if system.clock() == "thread_time":
+        begin, wall = system.seconds(), time.perf_counter()
+        time.sleep(0.2)
+        assert system.seconds() - begin < 0.1 < time.perf_counter() - wall
+    monkeypatch.setattr(time, "thread_time", lambda: time.perf_counter() // 0.016 * 0.016)
+    system.clock.cache_clear()
+    assert system.clock() == "perf_counter"
+    monkeypatch.setattr(time, "thread_time", lambda: 0.0)
+    system.clock.cache_clear()
+    assert system.clock() == "perf_counter"
+    assert Timing.of([timed(3.0, (1.0,), (2.0,))]).stretch is None
+    monkeypatch.undo()
+    system.clock.cache_clear()
+
+
+def timed(dt, times, walls):
+    return Point("one", dt, 1, "done", 1, Errors(0.0, 0.0, 0.0, 0.0, 0.0), times, walls=walls)
+
+
+@pytest.mark.parametrize(("walls", "stretch", "disturbed"), [((1.05, 1.05), 1.05, False), ((1.0, 1.3), 1.15, True)])
+def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch):
+    monkeypatch.setattr(system, "clock", lambda: "thread_time")
+    unstable = Point("one", 1.0, 1, "unstable-step")
+    timing = Timing.of([unstable, timed(0.5, (1.0, 1.0), walls), timed(0.2, (1.0,), (stretch,))])
+    assert timing.stretch == pytest.approx(stretch)
+    assert timing.disturbed == disturbed
+    assert timing.repeats == (1, 2)
+    assert timing.told.startswith("least of 1 to 2 times")

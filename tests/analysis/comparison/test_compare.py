@@ -1,7 +1,5 @@
 """Results beside recordings: a recording made of a result agrees with it, and what is done to one side is found."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,10 +8,9 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
-from tdint.analysis.comparison.compare import _MET, absolute_displacements, case_under, compare, parse_requirement
-from tdint.analysis.comparison.event import Event, _common
-from tdint.analysis.comparison.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
-from tdint.analysis.comparison.fit import _smoothed as smoothed
+from tdint.analysis.compare import _MET, Event, _common, absolute_displacements, case_under, compare, parse_requirement
+from tdint.analysis.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
+from tdint.analysis.fit import _smoothed as smoothed
 from tdint.analysis.run.run import prepare, run_case
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
@@ -92,7 +89,7 @@ def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
     """A linear building that only its base moves; harmonic forces it would see at the steps alone."""
     made.usual()
     case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
-    taken = case_under(case, made.event()).integrator.family.linear_only
+    taken = case_under(case, made.event()).method.family.linear_only
     assert taken == (law is LINEAR and not forces)
 
 

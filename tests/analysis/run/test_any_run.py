@@ -4,8 +4,6 @@ No exception, no number from a run that failed, no nan in a table or in a summar
 run is off by more than 1 %, it says so.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter
@@ -21,7 +19,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
 from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
-from tdint.output.tables.responses import history_columns, story_table
+from tdint.output.tables.buildings import history_columns, story_table
 
 RUNS, USUAL = 1000, 100
 BATCH = 50

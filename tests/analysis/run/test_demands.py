@@ -1,7 +1,5 @@
 """The largest demands of runs by hand: made-up peaks of stories, two runs, a story without height."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from tdint.analysis.run.demands import DECLARED, DemandsOfRuns, demands
 from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks
-from tdint.campaign.engine.runs import demand_cells
+from tdint.campaign.batch import demand_cells
 
 HEIGHT = np.array([4.0, math.nan, 2.5])
 RANDOM = np.random.default_rng(2)

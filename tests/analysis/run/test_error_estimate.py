@@ -1,27 +1,18 @@
 """Error estimates bracket the true error, on known answers and on random buildings; tolerances are kept."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from building_cases import (
-    Law,
-    model,
-    noise,
-    oscillator,
-    story,
-    ten_bilinear,
-    ten_linear,
-)
+from building_cases import Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import checked_building
+from step_checks import broken
 from tdint import run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import estimate, finer
-from tdint.analysis.run.outcome import FailedRun, StoryErrors
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.outcome import StoryErrors
+from tdint.analysis.run.workspace import Steps
 
 NAMES = [field.name for field in fields(StoryErrors)]
 
@@ -147,18 +138,6 @@ def test_a_building_at_rest_has_no_error():
     response = run(ten_linear(), still, method="newmark-average", check=True)
     assert response.check.drift_error == 0.0
     assert all(not np.any(found) and not np.any(true) for _, found, true in pairs(response, response))
-
-
-def broken(threshold):
-    """A march that diverges below a step."""
-    march = Case.march
-
-    def fails(case, steps, history=False):
-        if steps.h < threshold:
-            raise FailedRun("broken", "diverged", case.integrator.label, steps.h)
-        return march(case, steps, history)
-
-    return fails
 
 
 def test_a_repetition_that_fails_leaves_the_errors_unknown(monkeypatch):

@@ -1,7 +1,5 @@
 """Histories in pieces: together they are the whole one, bit for bit, and no memory holds more than a piece."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 from dataclasses import fields, is_dataclass
@@ -15,8 +13,8 @@ from tdint.analysis.run.outcome import History, Response
 from tdint.analysis.run.run import run
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
-from tdint.model.laws import Law
-from tdint.output.tables.responses import write_history, write_pieces
+from tdint.model.definition import Law
+from tdint.output.tables.buildings import write_history, write_pieces
 
 ONE = [story(2.0e4, 2.0e7)]
 THREE = [*ONE, story(2.0e4, 2.0e7, Law("bilinear", (4.0e4, 0.05))), story(2.0e4, 1.5e7, dashpot=2.0e4)]

@@ -1,7 +1,5 @@
 """How runs end: each outcome with its time, story, residual or energy; energies over time; rescue by halving."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +8,9 @@ import pytest
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from tdint import run
 from tdint.analysis.run import prepared
-from tdint.analysis.run.amplification import largest_stable
 from tdint.analysis.run.case import _runaway_story
 from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.workspace import largest_stable
 from tdint.kernels import layout as at
 from tdint.units import STANDARD_GRAVITY
 

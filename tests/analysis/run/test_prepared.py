@@ -1,7 +1,5 @@
 """A building is put together once for any number of runs, and all that an analysis takes or returns travels."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import fields, is_dataclass, replace
 
@@ -10,11 +8,11 @@ import pytest
 
 from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
 from tdint import prepare, run, run_case, spectrum
-from tdint.analysis.run import amplification, prepared
+from tdint.analysis.run import prepared, workspace
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import Steps
-from tdint.analysis.static.cyclic import cyclic_test
+from tdint.analysis.run.workspace import Steps
+from tdint.analysis.static import cyclic_test
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
 from tdint.kernels.building.compilable import Variant
 from tdint.methods.catalogue import catalogue, parse
@@ -164,7 +162,7 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
     found = building.instability(parse("central-difference"), 0.05)
     vibration = building.building.modes()
     ratios = vibration.damping_ratios(building.building.damping_matrix())
-    assert found == amplification.find_instability(parse("central-difference"), vibration.omega, ratios, 0.05)
+    assert found == workspace.find_instability(parse("central-difference"), vibration.omega, ratios, 0.05)
     assert building.instability(parse("newmark-average"), 0.05) is None
 
 

@@ -4,8 +4,6 @@ Step tables: A. K. Chopra, Dynamics of Structures, 4th ed., examples 5.3 to 5.6,
 Eigenvalues: OpenSees, SmallEigen example. Periods: Chopra, sect. 12.8, five-story shear building.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

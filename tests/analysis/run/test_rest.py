@@ -1,7 +1,5 @@
 """Runs that go on until the building is at rest, what is said of others, and residual drifts of long steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +12,8 @@ from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Run, RunSettings
-from tdint.output_units import parse_output_units
+from tdint.campaign.batch import Batch, Run, RunSettings
+from tdint.units import parse_output_units
 
 MOVES = "the building still moves at the end, the drift of story"
 
@@ -28,7 +25,7 @@ def moves(response):
 def test_it_is_the_run_of_a_campaign():
     record = noise(seed=3)
     response = run(ten_bilinear(), record, method="impulse4", until_rest=True)
-    of = Batch(0, Subject(ten_bilinear(), "impulse4"), Motions.of({0: record}), {0: None}, RunSettings(until_rest=True))
+    of = Batch(0, Subject(ten_bilinear(), "impulse4"), Motions({0: record}), {0: None}, RunSettings(until_rest=True))
     row = of.results([Run(0, 1.0)]).runs[0]
     assert (row.steps, row.at_rest) == (response.steps, 1)
     ratios = np.abs(response.stories.residual_drift) / response.stories.height
@@ -115,3 +112,15 @@ def test_the_amplitudes_of_a_first_mode():
     for duration in (1.0, 1.37):
         response = run(two, method="exact", dt=0.001, duration=duration)
         assert response.moving_drift == pytest.approx(0.3 / omega * np.array([1.0, golden - 1.0]), rel=1e-5)
+
+
+def test_what_is_left_of_the_motion_is_part_of_the_error():
+    """A linear building rests where it began: what a run until rest ends with is error, all of it."""
+    response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)
+    assert response.rest_time is not None
+    left = np.abs(response.stories.residual_drift)
+    assert np.all(left <= 2.0 * response.check.errors.residual_drift)
+    assert np.all(np.abs(response.check.corrected.residual_drift) <= 2.0 * response.check.left.residual_drift)
+    assert np.max(response.check.errors.residual_drift) < AT_REST * np.max(response.stories.peak_displacement)
+    plain = run(ten_linear(), noise(seed=3), method="moment4", duration=response.rest_time, check=True)
+    assert np.any(left > 2.0 * plain.check.errors.residual_drift)

@@ -1,18 +1,18 @@
 """Forces of a story: of its springs, of its dashpots, and all that moves the floors above; and the dashpots' work."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import building_cases
+from building_cases import Law, story
 from tdint import load_model
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import run
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
-from tdint.model.definition import ModalDamping
+from tdint.model.definition import Force, ModalDamping
 
 DAMPED = "configs/fluid-dampers.yaml"
 
@@ -46,6 +46,18 @@ def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_acceleratio
         at_the_steps = np.max(np.abs(values), axis=0)
         assert np.all(peaks >= at_the_steps * (1.0 - 1e-12))
         assert np.all(peaks <= at_the_steps * 1.02)
+
+
+def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_too():
+    """Yield force and what the dashpot takes at that moment, which lies within a step: at every step the same."""
+    yields = replace(story(1e5, 4e7, Law("bilinear", (2e5, 0.0))), dashpot=3e5)
+    pushed = building_cases.model([yields], velocity=(0.2,), forces=[Force(1, 1e4, 20.0, 0.0)])
+    peaks = [
+        run(pushed, method="impulse4", dt=dt, duration=0.1).stories.peak_total_shear[0] for dt in (0.01, 0.01 / 3, 1e-3)
+    ]
+    assert peaks[0] == pytest.approx(peaks[2], rel=1e-5) and peaks[1] == pytest.approx(peaks[2], rel=1e-7)
+    response = run(pushed, method="impulse4", dt=1e-3, duration=0.1, history=True)
+    assert peaks[2] > 1.0001 * np.max(np.abs(response.history.total_shear))
 
 
 def test_modal_damping_is_in_the_total_shear():

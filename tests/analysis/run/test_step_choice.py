@@ -1,19 +1,18 @@
 """The largest step within a tolerance: from coarse steps over many samples down to small parts of one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from building_cases import noise, oscillator, ten_bilinear, ten_linear
+from step_checks import broken
 from tdint import prepare, run, run_case
 from tdint.analysis.run import prepared, step_choice
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.step_choice import _least_drifts, choose_step, step_within
-from tdint.analysis.run.steps import Bound
+from tdint.analysis.run.workspace import Bound
 from tdint.errors import UsageError
 
 DT = 0.01
@@ -84,18 +83,6 @@ def test_a_tolerance_that_no_step_reaches():
     assert failure.value.dt == pytest.approx(DT / 256)
 
 
-def broken(threshold):
-    """A march that diverges below a step."""
-    march = Case.march
-
-    def fails(case, steps, history=False):
-        if steps.h < threshold:
-            raise FailedRun("broken", "diverged", case.integrator.label, steps.h)
-        return march(case, steps, history)
-
-    return fails
-
-
 @pytest.mark.parametrize("threshold", [1.0, 0.004])
 def test_a_tolerance_and_steps_that_fail(monkeypatch, threshold):
     """All of them, or those that would have to tell the errors."""
@@ -154,10 +141,10 @@ def test_strides_are_chosen_on_the_way(model):
     assert taken == sorted(set(taken))
 
 
-def strided(parts, longest, allowed=np.inf):
+def strided(parts, longest, allowed=np.inf, model=ten_bilinear):
     """The march of ten stories in strides of up to so many parts of a sample, and their case. Drifts are taken for
     their peaks from the start."""
-    case, _ = prepare(ten_bilinear(), noise(), method="moment4").carrying_error()
+    case, _ = prepare(model(), noise(), method="moment4").carrying_error()
     units = case.steps(DT / parts)
     return case, case.march(replace(units, stride=longest, bound=Bound(allowed, np.full(10, 0.01))))
 
@@ -173,8 +160,9 @@ def test_equal_strides_are_equal_steps_bit_for_bit(parts, longest):
 
 
 def test_long_strides_are_steps_over_several_samples():
-    """But for the first ones, which lead up to them."""
-    case, found = strided(1, 4)
+    """But for the first ones, which lead up to them. In linear stories: what a yielding one decides within so long a
+    step hangs on rounding, and its accelerations and total shears on that, by as much as the step errs by (2 %)."""
+    case, found = strided(1, 4, model=ten_linear)
     assert found.step_range == (DT, 4 * DT)
     other = case.march(case.steps(4 * DT))
     assert 0 < found.steps - other.steps < 4

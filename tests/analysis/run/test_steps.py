@@ -1,7 +1,5 @@
 """Which steps an analysis takes, and what it costs."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np
@@ -9,10 +7,9 @@ import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
 from tdint import run
-from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import Steps, choose_steps
-from tdint.errors import AnalysisError, UsageError
+from tdint.analysis.run.workspace import Steps, choose_steps
+from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 
@@ -62,38 +59,6 @@ def test_steps_and_durations_are_positive_numbers(dt, duration):
         run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
 
 
-def test_a_step_beyond_the_limit_names_the_largest_stable_one():
-    omega = 50.0
-    with pytest.raises(AnalysisError, match=r"central-difference is unstable at dt 0.05 s.*stable step is 0.04 s"):
-        run(oscillator(omega), method="central-difference", dt=0.05, duration=1.0)
-    assert run(oscillator(omega), method="central-difference", dt=0.0399, duration=1.0).status == "done"
-
-
-def test_beyond_the_limit_when_asked_ends_as_diverged():
-    with pytest.raises(FailedRun) as failure:
-        run(
-            oscillator(50.0, displacement=(0.1,)),
-            method="central-difference",
-            dt=0.05,
-            duration=50.0,
-            allow_unstable=True,
-        )
-    assert failure.value.status == "diverged"
-    assert 0.0 < failure.value.time < 50.0
-
-
-def test_exact_refuses_nonlinear_stories():
-    building = model([story(1.0, 100.0, Law("bilinear", (1.0, 0.1)))])
-    with pytest.raises(AnalysisError, match="linear buildings only"):
-        run(building, noise(), method="exact")
-
-
-def test_a_collapse_is_flagged_and_is_no_error():
-    response = run(oscillator(2.0, displacement=(1.0,)), method="impulse4", dt=0.1, duration=5.0)
-    assert response.stories.peak_drift_ratio[0] == pytest.approx(1.0 / 3.5, rel=1e-6)
-    assert response.status == "collapsed"
-
-
 def test_memory_does_not_grow_with_the_steps():
     """Without a history: the same peak of memory for a hundred times as many steps."""
     building = model([story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)])
@@ -107,23 +72,6 @@ def test_memory_does_not_grow_with_the_steps():
 
     peak(10)
     assert peak(100_000) < peak(1000) + 20_000
-
-
-def test_peaks_between_the_steps():
-    """Free vibration u = cos(omega t): the peak at half a period lies between the steps."""
-    omega = 2.0 * np.pi
-    response = run(oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method="impulse4", dt=0.0317, duration=5.0)
-    amplitude = np.hypot(1.0, 1.0 / omega)
-    assert response.stories.peak_displacement[0] == pytest.approx(amplitude, rel=2e-5)
-    assert response.stories.peak_drift[0] == pytest.approx(amplitude, rel=2e-5)
-    assert response.stories.peak_shear[0] == pytest.approx(omega**2 * amplitude, rel=2e-5)
-
-
-def test_a_vibration_faster_than_the_step_adds_no_false_peak():
-    """omega dt = 30: the interpolant between two ends would say several times the amplitude."""
-    omega = 300.0
-    response = run(oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0)
-    assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
 
 
 def test_a_large_error_of_the_energy_is_said():

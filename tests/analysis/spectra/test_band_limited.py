@@ -1,14 +1,12 @@
 """The band-limited interpolation against a windowed sum of sines, whose response is known in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
 from tdint import spectrum
-from tdint.ground_motion.interpolation import band_limited
+from tdint.ground_motion.processing_steps import band_limited
 from tdint.ground_motion.record import Record
 
 DT, SAMPLES = 0.01, 801

@@ -1,8 +1,6 @@
 """Drift spectra against the matrix exponential, the wave sum of the shear beam, and the limits of one and many
 stories."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -11,20 +9,13 @@ import pytest
 
 from building_cases import ModalDamping, model, noise, story
 from real_records import real_file
-from references import drifts, exact_linear
+from references import drifts, exact_linear, finer
 from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum, parse_height_period
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 
 MANY = HeightPeriod(0.1, 1.0)
-
-
-def finer(record, parts):
-    """The same motion with samples on the lines between."""
-    samples = record.acceleration.size
-    times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
 
 
 def uniform(period, stories, damping):

@@ -1,7 +1,5 @@
 """Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has the numbers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Maxima between the samples against matrix exponentials, refined by Brent's method; PEER's and USGS's definitions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bilinear oscillators against closed forms, the matrix exponential and `tdint run`; the search for a strength."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 
 from building_cases import Law, model, noise, oscillator, story
 from real_records import real_file
-from references import exact_linear
+from references import exact_linear, finer
 from tdint import run
 from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength, largest_ratio
 from tdint.errors import AnalysisError, UsageError
@@ -21,13 +19,6 @@ from tdint.ground_motion.record import Record
 from tdint.units import STANDARD_GRAVITY
 
 NOISE = noise(samples=601)
-
-
-def finer(record, parts):
-    """The same motion with samples on the lines between."""
-    samples = record.acceleration.size
-    times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
 
 
 def between_samples(values):

@@ -1,7 +1,5 @@
 """The motion of single oscillators, by closed forms, SciPy and the spectra."""
 
-from __future__ import annotations
-
 import csv
 import math
 

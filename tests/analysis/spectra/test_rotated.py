@@ -1,7 +1,5 @@
 """RotD against the spectra of 180 rotated motions, and motions whose directions are known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Cyclic tests of drift laws: closed forms, the first law, and the same law in a run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,12 +7,12 @@ import pytest
 
 from building_cases import model, noise, story
 from law_examples import example
+from tdint.analysis import static as cyclic
 from tdint.analysis.run.run import run
-from tdint.analysis.static import cyclic
-from tdint.analysis.static.cyclic import cyclic_path, cyclic_test, follow_path, path_test
+from tdint.analysis.static import cyclic_path, cyclic_test, follow_path, path_test
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import assemble
-from tdint.model.laws import LAWS, Law
+from tdint.model.definition import LAWS, Law
 from tdint.units import STANDARD_GRAVITY, parse_drift
 
 K, FY, HEIGHT = 4e7, 4e5, 3.2
@@ -247,7 +245,7 @@ def test_as_many_points_as_are_allowed(monkeypatch):
     """Three sizes of two cycles of four quarters of five points: 120."""
     building = model([story(1.0, 2.0)])
     sizes = [parse_drift(size) for size in ("1mm", "2mm", "3mm")]
-    monkeypatch.setattr(cyclic, "MOST_POINTS", 120)
+    monkeypatch.setattr(cyclic, "MOST_OF_CYCLES", 120)
     path = cyclic_test(building, 1, sizes, cycles=2, points=5).path
     assert len(path.drift) == 121
     for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):

@@ -1,7 +1,5 @@
 """Pushover: closed forms, and equilibrium of every story at every row."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -10,8 +8,7 @@ import pytest
 
 from building_cases import LINEAR, Law, model, story
 from tdint import load_model
-from tdint.analysis.static.cyclic import follow_path
-from tdint.analysis.static.pushover import PATTERNS, _Story, pushover
+from tdint.analysis.static import PATTERNS, _Story, _target, follow_path, pushover
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
@@ -50,9 +47,9 @@ def test_one_story_is_its_backbone():
     fall = 1.1 - 1.1 / 8.0 * (x - 5.0)
     backbone = np.minimum(np.minimum(x, 1.0 + 0.025 * (x - 1.0)), np.maximum(fall, 0.1))
     expected = backbone - 0.01 * x
-    assert result.falls
+    assert result.ended == "the building carries nothing any more"
     assert result.base_shear == pytest.approx(expected[: x.size], abs=1e-9)
-    assert x.size == np.flatnonzero(expected[1:] <= 0.0)[0] + 2
+    assert x[-1] == pytest.approx((1.1 + 5.0 * 1.1 / 8.0) / (1.1 / 8.0 + 0.01), rel=1e-9)  # fall is 0.01 x
     assert result.roof_at_largest == pytest.approx(5.0, abs=1e-9)
 
 
@@ -86,13 +83,42 @@ def test_a_story_that_has_yielded_unloads_when_another_one_softens():
     assert result.drift[falling, 1] == pytest.approx(back, abs=1e-4)  # rows pass the cap by less than that
 
 
+def test_a_roof_that_comes_back_is_followed():
+    """From the cap of 1.1 at 5 the lower one falls by 1.1 / 8 a unit; the upper one of 0.05, which carries half,
+    springs back by 10 a unit of force, and the lower one goes on by 8 / 1.1 only."""
+    case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 0.05)])
+    result = pushover(case, parse_drift("40m"), pattern="uniform", points=200)
+    back = np.flatnonzero(np.diff(result.roof_displacement) < 0.0)
+    before = result.drift[:, 0] < 12.0  # beyond, the residual strength carries the upper one as far as one likes
+    assert np.max(result.roof_displacement[before]) == pytest.approx(5.0 + 11.0, abs=0.2)
+    assert back.size > 20
+    assert np.all(result.roof_displacement >= 0.0)
+    falling = result.drift[:, 0] >= 5.0
+    assert result.drift[:, 1] == pytest.approx(10.0 * result.base_shear, rel=1e-9, abs=1e-9)
+    on_the_fall = np.maximum(1.1 - 1.1 / 8.0 * (result.drift[falling, 0] - 5.0), 0.1)
+    assert result.base_shear[falling] == pytest.approx(on_the_fall, abs=1e-9)
+
+
+def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
+    """Every story loses stiffness by yielding: the first that yields falls alone, all others spring back. Closed form
+    of its drift where k, hardening a k beyond yield and P-delta -g leave nothing."""
+    k, a, strength, weight = 1e8, 0.03, 5e6, 2e6
+    stories = [story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0) for _ in range(40)]
+    result = pushover(model(stories, p_delta=True), parse_drift("2%"), pattern="uniform")
+    fall = 40.0 * weight / 3.0
+    assert result.ended == "the building carries nothing any more"
+    assert result.drift[-1, 0] == pytest.approx((1.0 - a) * strength / (fall - a * k), rel=1e-8)
+    assert result.drift[-1, 1:] == pytest.approx(np.zeros(39), abs=1e-10)
+    assert np.argmax(result.roof_displacement) < result.roof_displacement.size - 10  # it comes back
+
+
 def test_a_story_that_fails_takes_the_building_along():
     case = model([story(1.0, 100.0, softening(1.0, 0.01, ultimate=20.0)), story(1.0, 200.0)])
     result = pushover(case, parse_drift("1m"), points=300)
-    assert result.falls
+    assert result.ended == "the building carries nothing any more"
     assert result.drift[-1, 0] == pytest.approx(0.2, abs=0.005)
     assert result.drift[-1, 1] == pytest.approx(0.0, abs=1e-12)
-    assert result.base_shear[-2] > 0.05
+    assert result.base_shear[-1] == pytest.approx(0.0, abs=1e-10)
     assert np.all(result.base_shear[1:-1] > 0.0)  # no row beyond the first without strength
 
 
@@ -124,9 +150,9 @@ def test_every_story_carries_its_share_at_every_row(name):
         path = follow_path(building, i + 1, result.drift[:, i].copy())
         carried = path.shear + building.linear_terms[at.GEOMETRIC, i] * path.drift
         assert carried == pytest.approx(share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear))
-    target = result.roof_displacement[-1]
-    rows = result.base_shear.size
-    assert result.roof_displacement == pytest.approx(target * np.arange(rows) / (rows - 1), rel=1e-8)
+    goals = np.arange(61) / 60 * _target(parse_drift(drift), building)
+    rows = result.base_shear.size - bool(result.ended)  # a fall to nothing ends where it does
+    assert result.roof_displacement[:rows] == pytest.approx(goals[:rows], rel=1e-8)
 
 
 class Staircase(_Story):

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import math
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from tdint.analysis.run.amplification import find_instability
+from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, find_instability, shifts
+from tdint.analysis.static import CyclicTest, cyclic_test
 from tdint.arrays import Array
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels import layout as at
+from tdint.kernels.laws.walking import walker
+from tdint.kernels.march.march import march
+from tdint.kernels.march.observing import begin, raise_shears, take_stock
+from tdint.kernels.stepping import Scene
+from tdint.kernels.stories.law_state import commit, restoring, resume, start
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
-from tdint.model.definition import Force, simple_model, simple_story
-from tdint.model.laws import Law
+from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Tabular
 
 LOADS = ("free", "harmonic", "record")
@@ -33,7 +44,7 @@ STORY_LAWS = {
 COARSEST = 0.02
 """The largest step, s."""
 
-HALVINGS = 4
+OBSERVED_HALVINGS = 4
 """How often it is halved."""
 
 _OMEGA = 2.0 * math.pi
@@ -125,12 +136,24 @@ def order(
     frequency_ratio: float = 0.5,
     stride: int = 1,
 ) -> ObservedOrder:
-    """Measure the order of a method, or of the one of this name: errors of an oscillator over halved steps.
+    """Measure the order of a method: errors of an oscillator over halved steps.
 
-    Parameters and errors are those of `order_problem`.
+    Parameters
+    ----------
+    method : Integrator or str
+        The method, or its specification.
+    load, law, frequency_ratio, stride
+        The oscillator and its load, as `order_problem` has them.
+
+    Returns
+    -------
+    ObservedOrder
+        Errors of displacement, velocity and acceleration at each step, and the orders that they tell.
 
     Raises
     ------
+    UsageError
+        An unknown method, load or law; a stride that is none or without a record.
     AnalysisError
         The method is for linear buildings and the law is not linear, or it failed.
     """
@@ -166,15 +189,23 @@ def order_problem(
     if stride > 1 and load != "record":
         raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
     if load not in LOADS or law not in STORY_LAWS:
-        known = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
-        raise UsageError(f"no order problem {load!r} with {law!r}: {known}")
+        names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
+        raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
     ratio = frequency_ratio if load == "harmonic" else math.nan
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
     building = assemble(simple_model("oscillator", [story]))
     ground = _sampled_motion(stride) if load == "record" else np.zeros(1)
     if load == "record" and law == "linear":
-        exact = _linear_record(ground, stride)
+        # Exact motion of the linear oscillator at the samples.
+        h = COARSEST / stride
+        step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
+        states = np.empty((2, ground.size))
+        states[:, 0] = _START[0], h * _START[1]
+        for j in range(ground.size - 1):
+            states[:, j + 1] = step @ np.concatenate([states[:, j], -h * h * ground[j : j + 2]])
+        u, v = states[0], states[1] / h
+        exact = np.array([u, v, -ground - 2.0 * _XI * _OMEGA * v - _OMEGA**2 * u])
     else:
         exact = _by_dop853(load, law, ratio, ground, stride)
     displacement, velocity = _START
@@ -182,7 +213,7 @@ def order_problem(
     return OrderProblem(load, law, ratio, prepared, ground, exact[:, ::stride], stride)
 
 
-def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = HALVINGS) -> ObservedOrder:
+def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS) -> ObservedOrder:
     """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 .. halvings.
 
     Raises
@@ -211,10 +242,10 @@ def _errors(integrator: Integrator, problem: OrderProblem, parts: int) -> list[f
     measured = history[:, 1:4].T
     measured[2] -= history[:, 0]
     errors = np.max(np.abs(measured - exact), axis=1) / largest
-    own = math.nan
+    energy = math.nan
     if at.ACCELERATION in integrator.family.memory and problem.stride == 1:  # else it is that under another motion
-        own = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
-    return [*errors, own / largest[2]]
+        energy = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
+    return [*errors, energy / largest[2]]
 
 
 def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int) -> tuple[float, Array]:
@@ -240,18 +271,6 @@ def _sampled_motion(stride: int) -> Array:
     return np.asarray(np.sin(phases) @ generator.standard_normal(40))
 
 
-def _linear_record(ground: Array, stride: int) -> Array:
-    """Exact motion of the linear oscillator at the samples."""
-    h = COARSEST / stride
-    step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
-    states = np.empty((2, ground.size))
-    states[:, 0] = _START[0], h * _START[1]
-    for j in range(ground.size - 1):
-        states[:, j + 1] = step @ np.concatenate([states[:, j], -h * h * ground[j : j + 2]])
-    u, v = states[0], states[1] / h
-    return np.array([u, v, -ground - 2.0 * _XI * _OMEGA * v - _OMEGA**2 * u])
-
-
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
     """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
     from scipy.integrate import solve_ivp
@@ -267,10 +286,10 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
         return driving - 2.0 * _XI * _OMEGA * v - restoring
 
     states = [np.array(_START)]
-    for begin, end in pairwise(times) if load == "record" else [(times[0], times[-1])]:
+    for first, end in pairwise(times) if load == "record" else [(times[0], times[-1])]:
         solution = solve_ivp(
             lambda t, y: (y[1], acceleration(t, y[0], y[1])),
-            (begin, end),
+            (first, end),
             states[-1],
             method="DOP853",
             t_eval=[end] if load == "record" else times[1:],
@@ -280,3 +299,344 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
         states.extend(solution.y.T)
     u, v = np.array(states).T
     return np.array([u, v, [acceleration(*row) for row in zip(times, u, v, strict=True)]])
+
+
+# ---- What methods and laws declare of themselves beside what is measured of them: for authors of new ones
+
+_ORDER = 0.1
+_RADIUS = 1e-3
+_FAST = 1e6
+"""omega dt that stands for infinity; rounding grows with it."""
+_ENERGY = 1e-3
+_TANGENT = 1e-2
+
+
+@dataclass(frozen=True)
+class MethodCheck:
+    """What a method declares, and what its compiled steps show.
+
+    Attributes
+    ----------
+    integrator : Integrator
+        The method with its parameters.
+    order : float
+        The smaller of the observed orders of displacement and velocity, of a linear oscillator in free vibration and
+        under a harmonic force; nan where errors are nothing but rounding.
+    limit : float
+        Measured largest stable omega dt without damping, inf if there is none up to 100.
+    rho_inf : float
+        Measured spectral radius at omega dt = 1e6; nan where steps have a limit.
+    faults : tuple of str
+        What is declared and not so, a line each.
+    """
+
+    integrator: Integrator
+    order: float
+    limit: float
+    rho_inf: float
+    faults: tuple[str, ...]
+
+
+def check_method(integrator: Integrator) -> MethodCheck:
+    """Measure what a method declares.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method; its step is executed in plain Python first, where no row beyond the declared ones is written, and
+        then compiled.
+    """
+    yielding: dict[str, str] = {}
+    try:
+        _plain_march("linear", integrator, 1)
+        yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
+        observed = [observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")]
+    except AnalysisError as error:
+        told = tuple(yielding.values()) or (str(error),)
+        return MethodCheck(integrator, math.nan, math.nan, math.nan, told)
+    orders = [one.order(quantity) for one in observed for quantity in ("displacement", "velocity")]
+    order = min((one for one in orders if not math.isnan(one)), default=math.nan)
+    limit = critical_step(integrator)
+    with np.errstate(all="ignore"):
+        fast = stability(integrator, np.array([_FAST / (2.0 * math.pi)])).spectral_radius
+    radius = float(fast[0]) if limit == math.inf else math.nan
+    label, faults = integrator.label, []
+    if abs(order - integrator.order) > _ORDER:
+        faults.append(f"{label}: declares order {integrator.order}, observed is {order:.2f}")
+        yielding.pop("order", None)  # it would be told twice
+    if told_limit := false_limit(integrator, limit):
+        faults.append(told_limit)
+    declared = integrator.rho_inf
+    if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
+        measured_words = "none, for steps have a limit" if math.isnan(radius) else f"{radius:.4g}"
+        faults.append(f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}")
+    faults += yielding.values()
+    return MethodCheck(integrator, order, limit, radius, tuple(faults))
+
+
+def check_law(model: Model, story: int) -> list[str]:
+    """What is wrong with the law of a story as a cyclic test shows it: tangents that are no slopes of the force, energy
+    that is not accounted for.
+
+    Parameters
+    ----------
+    model : Model
+        A building.
+    story : int
+        Counted from 1. It goes through cycles to 0.5, 1 and 2 % of its height; without one, 5, 10 and 20 mm.
+    """
+    law = model.stories[story - 1].law
+    try:
+        faults = _branch_faults(model, story)
+    except AnalysisError as error:  # compiled code would do the same in silence
+        return [str(error)]
+    high = model.stories[story - 1].height is not None
+    test = cyclic_test(model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000)
+    path, name = test.path, law.name
+    step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
+    done = np.append(0.0, np.cumsum(mean * step))
+    kept = path.recoverable + path.dissipated
+    off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
+    if not off <= _ENERGY:
+        faults.append(f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of the most")
+    if (wrong := _wrong_tangents(test)) > 0:
+        faults.append(f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} points")
+    if np.any(np.diff(path.dissipated) < -_ENERGY * np.max(np.abs(done))):
+        faults.append(f"law {name}: dissipated energy comes back")
+    return faults
+
+
+def _wrong_tangents(test: CyclicTest) -> int:
+    """Points at which the tangent is neither the slope before nor that behind, nor between them.
+
+    Where a path turns or a branch ends the slopes on both sides differ, and any between them will do.
+    """
+    path = test.path
+    slopes = np.diff(path.shear) / np.diff(path.drift)
+    low, high = np.minimum(slopes[1:], slopes[:-1]), np.maximum(slopes[1:], slopes[:-1])
+    room = _TANGENT * np.max(np.abs(slopes))
+    tangent = path.tangent[1:-1]
+    return int(np.count_nonzero((tangent < low - room) | (tangent > high + room)))
+
+
+# ---- Yielding stories, in plain Python: bounds are checked, and nothing is compiled
+
+
+class _Beyond(IndexError):
+    """A row or a column that an array does not have."""
+
+
+class _Guarded(np.ndarray):
+    """An array that names itself where more of it is used than there is: compiled code would write beyond its end."""
+
+    name = ""
+
+    @classmethod
+    def of(cls, array: Array, name: str) -> _Guarded:
+        """A view of an array."""
+        view = array.view(cls)
+        view.name = name
+        return view
+
+    def __getitem__(self, key: Any) -> Any:
+        self._check(key)
+        return super().__getitem__(key)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        self._check(key)
+        super().__setitem__(key, value)
+
+    def _check(self, key: Any) -> None:
+        for axis, place in enumerate(key if isinstance(key, tuple) else (key,)):
+            if isinstance(place, int | np.integer) and not -self.shape[axis] <= place < self.shape[axis]:
+                kind = "row" if axis == 0 else "column"
+                raise _Beyond(f"{kind} {place} of {self.name} is used, {self.shape[axis]} are declared")
+
+
+_YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
+"""One law that is linear branch by branch, a curved one, one that deteriorates, and their parameters."""
+
+_H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and yields from 0.1 s on
+_KINK_ORDER = 2  # of any method that does not look for the kinks within its steps
+_ROOM = 0.6  # of an order over one halving or two: where kinks lie in their steps changes errors by half
+_NOTHING = 1e-6  # over the largest drift: an error as small as the reference's own
+_BALANCE = 1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
+
+
+def _plain_march(law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1) -> Workspace:
+    """March in plain Python with steps `_H` / parts.
+
+    Parameters
+    ----------
+    fresh_at : int
+        The step before which scratch is wiped: the march was interrupted and goes on in other arrays.
+    halve_at : int
+        The step that is told not to have converged, so that it is halved.
+
+    Raises
+    ------
+    AnalysisError
+        What the method does wrong: where in its file, and what.
+    """
+    # Two stories of a law, under no force, let go with a velocity: the ground is given to the march.
+    story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
+    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
+    h, count, building = _H / parts, round(_SECONDS / _H) * parts, prepared.building
+    space = prepared.arrays(integrator, h, count + 1)
+    ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
+    guarded = {name: _Guarded.of(getattr(space, name), name) for name in ("state", "springs", "work", "report")}
+    scene = Scene(building.linear_terms, building.modal, building.law_parameters, prepared.forces, space.flags)
+    scene = Scene(*(_Guarded.of(array, name) for name, array in scene._asdict().items()))
+    home = sys.modules.get(integrator.family.step.function.__module__)
+    calls = 0
+
+    def step(*arguments: Any) -> int:
+        nonlocal calls
+        calls += 1
+        if calls == halve_at:
+            return at.NOT_CONVERGED
+        return int(integrator.family.step.function(*arguments))
+
+    pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
+    for first, last in pieces:
+        if first:
+            done = space.report[at.STEPS_DONE], space.report[at.CARRIED_GROUND]
+            space.report[:], space.work[:] = 0.0, 0.0
+            space.report[[at.STEPS_DONE, at.CARRIED_GROUND]] = done
+        with np.errstate(all="ignore"), _faults_in(home, integrator.label):
+            code = march.function(
+                *(step, begin.function, take_stock.function, raise_shears.function),
+                *(count, first, last, 1, 0, parts, 1, HALVINGS if integrator.family.halvable else 0, h),
+                *(ground, prepared.coefficients(integrator, h), shifts(integrator, h), *scene, *guarded.values()),
+                *(np.zeros(at.LOAD_SIZE), *space.seen),
+            )
+        if code < 0:
+            words = "does not converge" if code == at.NOT_CONVERGED else "gives no finite numbers"
+            raise AnalysisError(f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}")
+    return space
+
+
+@contextmanager
+def _faults_in(module: Any, name: str) -> Iterator[None]:
+    """What plain Python says of a plug-in's code becomes a line with the file and the line in its module."""
+    try:
+        yield
+    except TdintError:
+        raise
+    except Exception as error:
+        file = getattr(module, "__file__", None) or ""
+        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
+        place = f"{file}:{lines[-1]}" if lines else name
+        kind = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
+        raise AnalysisError(f"{place}: {kind}{error}") from None
+
+
+@cache
+def _true_motion(law: str) -> Array:
+    """The displacements of `impulse4` with a step 16 times finer than `_H`: within 1e-7 of the largest."""
+    return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
+
+
+def _yielding_faults(integrator: Integrator) -> dict[str, str]:
+    """What a method does wrong where stories yield, a line by what it is: each for the law that shows it first."""
+    label, faults = integrator.label, dict[str, str]()
+    for law in _YIELDING:
+        true = _true_motion(law)
+        size = float(np.max(np.abs(true)))
+        try:
+            spaces = {parts: _plain_march(law, integrator, parts) for parts in (1, 2, 4)}
+        except AnalysisError as error:
+            faults["failed"] = str(error)
+            continue
+        errors = {parts: _distance(_displacements(space, parts), true) / size for parts, space in spaces.items()}
+        # It comes to the motion of impulse4, with its order, or that of the kinks.
+        due = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
+        rates = (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4])) if errors[4] else (math.inf,)
+        if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
+            faults.setdefault(
+                "order",
+                f"{label}: with stories of law {law} displacements are {errors[1]:.2g}, {errors[2]:.2g} and "
+                f"{errors[4]:.2g} off at dt {_H:g}, {_H / 2:g} and {_H / 4:g} s, of order {max(rates):.1f} where "
+                f"{due:.2g} is due: is each story's state committed once a step, with the drift at its end?",
+            )
+        # What is put in is stored, damped or dissipated.
+        balance = _imbalance(spaces[4])
+        if not balance <= _BALANCE:
+            faults.setdefault(
+                "energy",
+                f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of the largest input out "
+                f"of balance at dt {_H / 4:g} s: is dissipation added up (`commit`, or `settle` before `adopt`)?",
+            )
+        # The state is all that a method remembers: other scratch, and halved steps, change nothing but rounding.
+        fresh = _displacements(_plain_march(law, integrator, 1, fresh_at=60), 1)
+        if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
+            faults.setdefault(
+                "work",
+                f"{label}: goes on otherwise in fresh rows of work: what a step needs of the one before is state",
+            )
+        if integrator.family.halvable:
+            halved = _distance(_displacements(_plain_march(law, integrator, 1, halve_at=60), 1), true) / size
+            if not halved <= 2.0 * errors[1] + _NOTHING:
+                faults.setdefault(
+                    "halved",
+                    f"{label}: with a halved step displacements are {halved:.2g} off, {errors[1]:.2g} without: its "
+                    "coefficients do not hold for any step (`Family.halvable`), or the state is not left right",
+                )
+    return faults
+
+
+def _displacements(space: Workspace, parts: int) -> Array:
+    """Of all floors at the ends of the steps `_H`."""
+    floors = space.state.shape[1] - 1
+    return np.asarray(space.history[::parts, 1 : 1 + floors])
+
+
+def _distance(array: Array, other: Array) -> float:
+    return float(np.max(np.abs(np.asarray(array) - other)))
+
+
+def _imbalance(space: Workspace) -> float:
+    """Energy that is out of balance at the end over the largest on the way."""
+    totals = space.totals
+    kept = totals[[at.ENERGY_KINETIC, at.ENERGY_DAMPED, at.ENERGY_DEVICES, at.ENERGY_RECOVERABLE, at.ENERGY_DISSIPATED]]
+    given = totals[at.ENERGY_START] + totals[at.ENERGY_INPUT]
+    return float(abs(given - np.sum(kept)) / totals[at.ENERGY_LARGEST])
+
+
+def _branch_faults(model: Model, story: int) -> list[str]:
+    """What is wrong with the branches of a story's law in plain Python, with bounds checked: they lead elsewhere than
+    its force.
+
+    Raises
+    ------
+    AnalysisError
+        Its functions cannot be executed, or use rows that are not declared.
+    """
+    building, i, law = assemble(model), story - 1, LAWS[model.stories[story - 1].law.name]
+    yields = building.yield_drift[i]
+    size = 3.0 * yields if math.isfinite(yields) and yields > 0.0 else 0.01
+    rows = at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows
+    springs = _Guarded.of(np.zeros((rows, len(model.stories) + 1)), "springs")
+    parameters = _Guarded.of(building.law_parameters, "law_parameters")
+    functions, turns = law.functions(), size * np.array([0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3])
+    module = sys.modules[law.functions.__module__]
+    with np.errstate(all="ignore"), _faults_in(module, f"law {law.name}"):
+        start(parameters, springs, i, 0.0)
+        drifts = np.concatenate([np.linspace(a, b, 8)[1:] for a, b in pairwise(turns)])
+        largest = 0.0
+        for drift in drifts:
+            restoring(parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
+            force = float(springs[at.FIRST_TRIAL + at.FORCE, i])
+            largest = max(largest, abs(force))
+            if law.kinked and not law.curved and functions.switch is not None:
+                walk = walker(functions.switch, functions.advance)
+                walk(parameters, springs, i, at.COMMITTED, at.SECOND_TRIAL, drift)
+                branch = float(springs[at.SECOND_TRIAL + at.FORCE, i])
+                if not abs(branch - force) <= _TANGENT * largest:
+                    return [
+                        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to {branch:.6g} N at drift "
+                        f"{drift:.6g} m, `force` to {force:.6g} N: `put_on_branch` sets all that a `switch` must"
+                    ]
+            commit(parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+            resume(parameters, springs, i)
+    return []

@@ -12,14 +12,13 @@ import numpy as np
 from tdint.analysis.run.outcome import FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
-from tdint.model.definition import Force, Model, simple_model, simple_story
-from tdint.model.laws import Law
+from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Several
 
 METHODS = (
@@ -298,7 +297,15 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
         motion = np.zeros((3, count + 1, n))
         state = np.array([example.model.initial.displacement, example.model.initial.velocity])
         for j in range(count + 1):
-            forces = force_table(_forces(loads[j], loads[j] if hold else loads[j + 1], dt))
+            # Forces that go from `begin` to `end` (N, shape (n,)) within a step.
+            begin = loads[j]
+            end = loads[j] if hold else loads[j + 1]
+            slope = (end - begin) / math.sin(_SLOW)
+            constant = [Force(floor, value, 0.0, 0.0) for floor, value in enumerate(begin.tolist(), start=1) if value]
+            ramp = [
+                Force(floor, 0.0, value, _SLOW / dt) for floor, value in enumerate(slope.tolist(), start=1) if value
+            ]
+            forces = force_table(constant + ramp)
             marched = PreparedBuilding(building, forces, *state).march(integrator, Steps(dt, 1), rows=1)
             if marched.code < 0:
                 raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")
@@ -307,14 +314,6 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
         return ExampleMotion(times[:-1], *motion)
 
     return solve
-
-
-def _forces(begin: Array, end: Array, dt: float) -> list[Force]:
-    """Forces that go from `begin` to `end` (N, shape (n,)) within a step."""
-    slope = (end - begin) / math.sin(_SLOW)
-    constant = [Force(floor, value, 0.0, 0.0) for floor, value in enumerate(begin.tolist(), start=1) if value]
-    ramp = [Force(floor, 0.0, value, _SLOW / dt) for floor, value in enumerate(slope.tolist(), start=1) if value]
-    return constant + ramp
 
 
 VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], ExampleMotion]]] = {
@@ -329,18 +328,32 @@ def default_integrators() -> list[Integrator]:
     return [parse(text) for text in METHODS]
 
 
-def run_examples(
+def paper_examples(
     numbers: Sequence[int] = (1, 2, 3), methods: str | Iterable[str] | None = None, dts: Sequence[float] = (DT,)
 ) -> Several[ExampleRun]:
-    """The examples of the paper of 2022 by their numbers, with the paper's methods or others, at steps (s).
+    """The examples of the paper of 2022, run.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Which: 1, 2, 3.
+    methods : str or iterable of str, optional
+        Specifications; by default the paper's methods.
+    dts : sequence of float
+        Steps, s; by default the paper's.
+
+    Returns
+    -------
+    Several of ExampleRun
+        One for each example, step and method.
 
     Raises
     ------
     UsageError
         No such example, an unknown method.
     """
-    known = examples()
-    if unknown := [number for number in numbers if number not in known]:
-        raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, known))}")
+    by_number = examples()
+    if unknown := [number for number in numbers if number not in by_number]:
+        raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}")
     integrators = default_integrators() if methods is None else chosen(methods)
-    return Several([run for one in numbers for dt in dts for run in run_example(known[one], dt, integrators)])
+    return Several([run for one in numbers for dt in dts for run in run_example(by_number[one], dt, integrators)])

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.amplification import STABLE, amplification
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array
+from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
+from tdint.model.building import oscillators
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -62,14 +66,43 @@ class StabilityCurve(Tabular):
         return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
 
 
-def stability(integrator: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
-    """Measure a method (or the one of this name) at rising dt/T, shape (k,), for a damping ratio in [0, 1)."""
-    integrator = parse(integrator) if isinstance(integrator, str) else integrator
+def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
+    """Measure how a method follows an oscillator that vibrates freely, from its amplification matrix.
+
+    Parameters
+    ----------
+    method : Integrator or str
+        The method, or its specification.
+    dt_over_t : ndarray, shape (k,)
+        Steps over the undamped period, rising.
+    damping : float
+        Damping ratio, in [0, 1).
+
+    Returns
+    -------
+    StabilityCurve
+        Spectral radius, period error, numerical damping and amplitude decay, shape (k,).
+
+    Raises
+    ------
+    UsageError
+        An unknown method, or steps that are none.
+    AnalysisError
+        A step of the oscillator fails.
+    """
+    method = parse(method) if isinstance(method, str) else method
     dt_over_t = np.asarray(dt_over_t, dtype=np.float64)
     lead = np.geomspace(_SMALLEST, dt_over_t[0], _LEAD)[:-1] if dt_over_t[0] > _SMALLEST else np.empty(0)
     ratios = np.concatenate([lead, dt_over_t])
-    roots = _roots(integrator, 2.0 * math.pi * ratios, damping)
-    principal = _follow(roots, 2.0 * math.pi * ratios, damping)[lead.size :]
+    roots = _roots(method, 2.0 * math.pi * ratios, damping)
+    # The root that stands for the oscillation, followed from small steps on; positive imaginary part while complex.
+    omega_h = 2.0 * math.pi * ratios
+    followed = np.empty(len(roots), dtype=np.complex128)
+    guess = np.exp(complex(-damping, math.sqrt(1.0 - damping**2)) * omega_h[0])
+    for index, candidates in enumerate(roots):
+        upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
+        followed[index] = guess = upper[np.argmin(np.abs(upper - guess))]
+    principal = followed[lead.size :]
     exact_phase = 2.0 * math.pi * dt_over_t * math.sqrt(1.0 - damping**2)
     tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -77,7 +110,7 @@ def stability(integrator: Integrator | str, dt_over_t: Array, damping: float = 0
         period_error = np.where(tells, exact_phase / phase - 1.0, math.nan)
         numerical = np.where(tells, decay / np.hypot(decay, phase) - damping, math.nan)
     return StabilityCurve(
-        method=integrator.label,
+        method=method.label,
         damping=damping,
         dt_over_t=dt_over_t,
         spectral_radius=np.max(np.abs(roots[lead.size :]), axis=1),
@@ -87,62 +120,191 @@ def stability(integrator: Integrator | str, dt_over_t: Array, damping: float = 0
     )
 
 
-def _roots(integrator: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
+def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
     """Eigenvalues of the amplification matrices at steps omega h, shape (k, m); the step is 1 s."""
-    matrices = amplification(integrator, omega_h, np.full_like(omega_h, damping), 1.0)
+    matrices = amplification(method, omega_h, np.full_like(omega_h, damping), 1.0)
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
 
 
-def _follow(roots: NDArray[np.complex128], omega_h: Array, damping: float) -> NDArray[np.complex128]:
-    """The root that stands for the oscillation, followed from small steps on; positive imaginary part while complex."""
-    followed = np.empty(len(roots), dtype=np.complex128)
-    guess = np.exp(complex(-damping, math.sqrt(1.0 - damping**2)) * omega_h[0])
-    for index, candidates in enumerate(roots):
-        upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
-        followed[index] = guess = upper[np.argmin(np.abs(upper - guess))]
-    return followed
-
-
 @cache
-def critical_step(integrator: Integrator, damping: float = 0.0, largest: float = LARGEST) -> float:
+def critical_step(method: Integrator, damping: float = 0.0, largest: float = LARGEST) -> float:
     """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if there is none.
 
     Searched at 4000 points up to `largest`, and just above the limit that the method declares: an unstable band
     elsewhere that is narrower than half a percent of omega dt can be missed.
     """
     grid = np.geomspace(1e-3, largest, 4000)
-    declared = integrator.stability_limit
+    declared = method.stability_limit
     if 0.0 < declared < largest:
         grid = np.sort(np.concatenate([grid, declared * (1.0 + np.geomspace(1e-6, 1e-2, 40))]))
-    unstable = np.flatnonzero(_grows(integrator, grid, damping))
+    unstable = np.flatnonzero(_grows(method, grid, damping))
     if not unstable.size:
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if _grows(integrator, np.array([middle]), damping)[0]:
+        if _grows(method, np.array([middle]), damping)[0]:
             high = middle
         else:
             low = middle
     return float(low)
 
 
-def false_limit(integrator: Integrator, measured: float) -> str:
+def false_limit(method: Integrator, measured: float) -> str:
     """What there is to say of a declared stability limit that is not the measured one (`critical_step` without
     damping); nothing where they agree or none is declared (nan)."""
-    declared = integrator.stability_limit
+    declared = method.stability_limit
     unlimited = declared > LARGEST and measured == math.inf
     if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
         return ""
-    found = f"{measured:.6g}" if math.isfinite(measured) else f"none up to {LARGEST:g}"
+    limit = f"{measured:.6g}" if math.isfinite(measured) else f"none up to {LARGEST:g}"
     return (
-        f"{integrator.label}: the catalogue declares it stable up to omega dt {declared:.6g}, measured is {found}; "
-        "`tdint run` goes by what is declared"
+        f"{method.label}: declares that it is stable up to omega dt {declared:.6g}, measured is {limit}; `tdint "
+        "run` refuses steps by what it measures at the building's own modes"
     )
 
 
-def _grows(integrator: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
+def _grows(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
     """Whether the spectral radius exceeds 1 by more than rounding."""
-    radius = np.max(np.abs(_roots(integrator, omega_h, damping)), axis=1)
+    radius = np.max(np.abs(_roots(method, omega_h, damping)), axis=1)
     return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))
+
+
+# ---- First steps of an undriven oscillator under a large step: does the method overshoot (Hilber and Hughes 1978)?
+
+STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
+"""Starts by name: u(0) and h v(0), m."""
+
+EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
+"""By start, the powers of omega h in the amplitudes of u and h v of the exact motion."""
+
+_LEVELS = 10.0 ** np.arange(2.0, 8.0)
+_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
+_LARGER = 0.25  # powers further apart than this differ
+_NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
+"""What a step rounds, over its start: the acceleration of the start is omega^2 u(0) or 2 xi omega v(0)."""
+_FAR = 1e3  # omega h by which an unstable method has left the unit circle
+_TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
+
+
+@dataclass(frozen=True, repr=False)
+class Overshoot(Tabular):
+    """First steps from one start; arrays of shape (steps + 1,), the first entry the start.
+
+    Attributes
+    ----------
+    displacement, velocity : ndarray
+        u over U and v over omega U with the amplitude U of the exact undamped motion, |u(0)| or |v(0)| / omega: the
+        exact motion stays within -1 and 1. nan after a response that ran away.
+    displacement_power, velocity_power : float
+        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the step leaves nothing.
+        The exact motion has `EXACT_POWERS`.
+    """
+
+    method: str
+    dt_over_t: float
+    damping: float
+    start: str
+    displacement: Array
+    velocity: Array
+    displacement_power: float
+    velocity_power: float
+
+    def _headline(self) -> str:
+        steps = how_many(self.displacement.size - 1, "step")
+        return f"of {self.method} from a {self.start}, dt/T {self.dt_over_t:g}, {steps}"
+
+    @property
+    def growing(self) -> set[str]:
+        """Which of displacement and velocity grow with a higher power than in the exact motion."""
+        powers = {"displacement": self.displacement_power, "velocity": self.velocity_power}
+        bounds = EXACT_POWERS[self.start]
+        return {name for (name, power), bound in zip(powers.items(), bounds, strict=True) if power > bound + _LARGER}
+
+
+def overshoot(
+    method: Integrator | str,
+    start: str = "displacement",
+    dt_over_t: float = 10.0,
+    steps: int = 10,
+    damping: float = 0.0,
+) -> Overshoot:
+    """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth.
+
+    Parameters
+    ----------
+    method : Integrator or str
+        The method, or its name.
+    start : str
+        A key of `STARTS`.
+    dt_over_t : float
+        Step over undamped period.
+    steps : int
+        How many.
+    damping : float
+        Damping ratio, in [0, 1).
+
+    Returns
+    -------
+    Overshoot
+        The motion over the steps, and the powers with which the first step grows.
+
+    Raises
+    ------
+    UsageError
+        An unknown method or start.
+    """
+    method = parse(method) if isinstance(method, str) else method
+    if start not in STARTS:
+        raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
+    omega_h = 2.0 * math.pi * dt_over_t
+    u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
+    amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
+    # Powers of u and h v after one step: the slopes over the last decade of omega h that rounding leaves.
+    largest = np.array(
+        [np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1) for level in _LEVELS]
+    )
+    displacement_power, velocity_power = tuple(_slope(values, _NOISE[start]) for values in largest.T)
+    return Overshoot(
+        method=method.label,
+        dt_over_t=dt_over_t,
+        damping=damping,
+        start=start,
+        displacement=u / amplitude,
+        velocity=hv / (omega_h * amplitude),
+        displacement_power=displacement_power,
+        velocity_power=velocity_power,
+    )
+
+
+def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
+    """What the first step overshoots, judged by its powers from both starts: `none`, `displacement`, ..., or `unstable`
+    where the method grows without bound anyway."""
+    damping = np.array([both[0].damping])
+    if spectral_radius(method, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
+        return "unstable"
+    growing: set[str] = set().union(*(motion.growing for motion in both))
+    return " and ".join(sorted(growing)) or "none"
+
+
+def _slope(values: Array, noise: Array) -> float:
+    clear = np.flatnonzero(values > noise)
+    if clear.size < 2:
+        return -math.inf
+    low, high = clear[-2:]
+    return math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
+
+
+def _first_steps(method: Integrator, start: str, omega_h: Array, steps: int, damping: float) -> Array:
+    """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan after a response
+    that ran away."""
+    displacement, velocity = np.multiply(_TINY, STARTS[start])
+    building = oscillators(omega_h, np.array([damping]))
+    prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
+    marched = prepared.march(method, Steps(1.0, steps), rows=steps)
+    n = building.stories
+    history = marched.space.history
+    if marched.code < 0:
+        history[1:][~history[1:].any(axis=1)] = math.nan  # never written
+    return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]]) / _TINY

@@ -9,24 +9,25 @@ import json
 import math
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
+from tdint import system
 from tdint.analysis.chart import opensees_worker
-from tdint.analysis.chart.problem import FloorMotion, Problem
-from tdint.analysis.chart.reference import Reference, errors
-from tdint.analysis.chart.work_precision import Chart, Point, Progress, line_of, silent
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, errors
+from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, line_of, silent
+from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
+from tdint.model.plugins import peers
 
 _REPEATS = 3
 _MINUTES = 5.0  # after which the process is ended
@@ -122,6 +123,7 @@ def _ask(
             "steps": steps.count,
             "per_sample": steps.per_sample,
             "repeats": repeats,
+            "clock": system.clock(),
         }
         for integrator, steps in runs
     ]
@@ -203,6 +205,13 @@ def _point(
     return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found, times, line=line)
 
 
+_OPENSEES_SETTINGS = (
+    f"zeroLength elements (Elastic, Steel01, Viscous), BandSPD, Newton until NormUnbalance is "
+    f"{opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} iterations at most "
+    f"(Linear in linear buildings); least of {_REPEATS} times at most"
+)
+_SCIPY_SETTINGS = "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
+
 Rate = Callable[[float, Array], Array]
 
 METHODS = ("RK45", "Radau", "LSODA")
@@ -269,7 +278,7 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
     cosine, sine, omega = problem.forces[:, at.COSINE], problem.forces[:, at.SINE], problem.forces[:, at.OMEGA]
 
     def rate(t: float, state: Array) -> Array:
-        if time.perf_counter() > deadline:
+        if system.seconds() > deadline:
             raise _TooLong
         u, v = state[:n], state[n : 2 * n]
         shear = elastic * np.diff(u, prepend=0.0)
@@ -308,14 +317,14 @@ def _solve(
     if inner:
         sizes.append(np.where(np.isfinite(strength), strength, 1.0))
     times = problem.interval * np.arange(problem.samples + 1)
-    begin = time.perf_counter()
+    begin = system.seconds()
     rate = _rate(problem, law, begin + seconds)
     try:
         near = {"rtol": tolerance, "atol": tolerance * np.concatenate(sizes)}
         found = solve_ivp(rate, (0.0, times[-1]), start, method=method, t_eval=times, **near)
     except _TooLong:
         return None
-    taken = time.perf_counter() - begin
+    taken = system.seconds() - begin
     name, line = f"scipy/{method}:rtol={tolerance:g}", f"scipy/{method}"
     if not found.success:
         return Point(name, math.nan, None, "not-converged", line=line)
@@ -329,6 +338,56 @@ def _solve(
     return Point(name, math.nan, None, DONE, int(found.nfev), errors(motion, true), (taken,), line=line)
 
 
+def with_plugins(
+    problem: Problem, chart: Chart, *, repeats: int, progress: Progress = silent
+) -> tuple[Chart, list[str]]:
+    """The chart with a point for each of the PEERS of plug-ins behind its own, and what of them is left out.
+
+    A peer is a function of the problem that gives times (s, equally spaced, from 0 to the last sample or beyond, whole
+    parts or multiples of the interval apart) and displacements of the floors at these (m, relative to the ground, shape
+    (times, stories)). All of the call is timed. Errors of velocities and accelerations are not known.
+    """
+    points: list[Point] = []
+    notes: list[str] = []
+    for plugin, name, function in peers():
+        progress(plugin, len(points) / (len(points) + 1.0))
+        full, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
+        try:
+            points.append(replace(_called(problem, chart.reference, function, repeats), method=full, line=line))
+        except Exception as error:  # whatever a function of somebody else's raises
+            notes.append(f"{full} is left out: {type(error).__name__}: {' '.join(str(error).split())}")
+    others = {point.line.partition("/")[0]: None for point in points}
+    told = tuple(Peer(plugin, "of a plug-in", "the whole call of its function is timed") for plugin in others)
+    return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *told)), notes
+
+
+def _called(problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int) -> Point:
+    """The point that a function of the problem makes, yet without a name; ValueError where it gives something else."""
+    taken = []
+    for _ in range(repeats):
+        begin = system.seconds()
+        answer = function(problem)
+        taken.append(system.seconds() - begin)
+    times, u = (np.asarray(values, dtype=np.float64) for values in answer)
+    n = problem.building.stories
+    if times.ndim != 1 or times.size < 2 or u.shape != (times.size, n):
+        raise ValueError(f"gives times {times.shape} and displacements {u.shape}, not (rows,) and (rows, {n})")
+    if not np.all(np.isfinite(u)):
+        return Point("", math.nan, times.size - 1, "diverged", times=tuple(taken))
+    dt = float(times[1])
+    steps = problem.steps(dt)
+    if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:  # a clock that was summed up is no nearer
+        raise ValueError("gives times that do not begin with 0 or are not equally spaced")
+    rows = steps.count // steps.per_sample + 1
+    if times.size <= steps.count:
+        raise ValueError(f"ends at {times[-1]:.6g} s, before the last sample")
+    peaks = np.max(np.abs(np.diff(u[: steps.count + 1], axis=1, prepend=0.0)), axis=0)
+    u = u[:: steps.per_sample][:rows]
+    unknown = np.full_like(u, math.nan)
+    motion = FloorMotion(steps.stride, u, unknown, unknown, peaks)
+    return Point("", dt, steps.count, DONE, errors=errors(motion, reference.motion), times=tuple(taken))
+
+
 def with_peers(
     problem: Problem, chart: Chart, dts: Sequence[float], *, repeats: int, progress: Progress = silent
 ) -> tuple[Chart, list[str]]:
@@ -340,4 +399,18 @@ def with_peers(
     own, notes = openseespy_points(problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats)
     progress("scipy", 0.5)
     others, more = solve_ivp_points(problem, chart.reference)
-    return replace(chart, points=(*chart.points, *own, *others)), [*notes, *more]
+    return replace(chart, points=(*chart.points, *own, *others), peers=peers_of([*own, *others])), [*notes, *more]
+
+
+def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
+    """The other programs that some points are of."""
+    programs = {point.line.partition("/")[0] for point in points}
+    settings = {"openseespy": _OPENSEES_SETTINGS, "scipy": _SCIPY_SETTINGS}
+    return tuple(Peer(name, _version(name), settings[name]) for name in settings if name in programs)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "of unknown version"

@@ -6,18 +6,31 @@ import math
 import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from itertools import takewhile
+from typing import Protocol
 
-from tdint.analysis.chart.problem import Problem, ending_together, pose, reached
-from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
-from tdint.analysis.given import record_of
-from tdint.analysis.run.steps import Steps
+import numpy as np
+
+from tdint import system
+from tdint.analysis.chart.problem import (
+    Problem,
+    Reference,
+    ending_together,
+    errors,
+    find_reference,
+    pose,
+    reached,
+)
+from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.run.workspace import Steps
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
 from tdint.model.damage_states import DONE, FALLEN
-from tdint.tabular import Tabular
+from tdint.tabular import Progress as Counted
+from tdint.tabular import Tabular, told_progress
 from tdint.written_numbers import how_many
 
 USUAL = "newmark-average"
@@ -61,6 +74,15 @@ def silent(what: str, part: float) -> None:
     """Nobody is told of progress."""
 
 
+class Erring(Protocol):
+    """Errors by their names: `tdint.analysis.chart.problem.Errors`, or of peaks alone `profiles.PeakErrors`."""
+
+    @property
+    def worst(self) -> float: ...
+
+    def of(self, quantity: str) -> float: ...
+
+
 @dataclass(frozen=True)
 class Point:
     """One method with one step.
@@ -74,10 +96,10 @@ class Point:
         Time step, s; nan for a method that chooses its own.
     steps, iterations : int
         Steps, None where they were not counted; solves, None where the march did not reach its end.
-    times : tuple of float
-        Wall times of the march alone, s, one per repeat.
-    errors : Errors or None
-        None where the march has no result, or did not reach its end.
+    times, walls : tuple of float
+        Times of the march alone, s, one per repeat: by `tdint.system.clock`, and on the wall.
+    errors : Errors or PeakErrors or None
+        Of one problem, or of one of many; None where the march has no result, or did not reach its end.
     outcome : str
         How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or `not-converged`.
     """
@@ -87,8 +109,9 @@ class Point:
     steps: int | None
     outcome: str
     iterations: int | None = None
-    errors: Errors | None = None
+    errors: Erring | None = None
     times: tuple[float, ...] = ()
+    walls: tuple[float, ...] = field(default=(), kw_only=True)
     line: str = field(default="", kw_only=True)
 
     def error(self, quantity: str) -> float:
@@ -104,6 +127,70 @@ class Point:
     def fastest(self) -> float:
         """Least of the times, s: what the march costs when nothing else disturbs; nan for none."""
         return min(self.times, default=math.nan)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How the marches of a chart were timed.
+
+    Attributes
+    ----------
+    clock : str
+        As `tdint.system.clock` has it.
+    repeats : tuple of int
+        How often each march was timed, the least and the most.
+    load : float or None
+        Of the machine when they ended: processes that ran or waited in the minute before, this one among them.
+    processor, processors : str, int
+        Its name, and how many of them this process may use.
+    stretch : float or None
+        Wall time over processor time of all marches; None where the clock is that of the wall.
+    """
+
+    clock: str
+    repeats: tuple[int, int]
+    load: float | None
+    processor: str
+    processors: int
+    stretch: float | None
+
+    @classmethod
+    def of(cls, points: Iterable[Point]) -> Timing:
+        """Of the points of a chart, now that they have been timed."""
+        timed = [point for point in points if point.times]
+        counts = [len(point.times) for point in timed] or [0]
+        taken = sum(sum(point.times) for point in timed)
+        walls = sum(sum(point.walls) for point in timed)
+        told = system.clock() == "thread_time" and taken > 0.0 and walls > 0.0
+        return cls(
+            system.clock(),
+            (min(counts), max(counts)),
+            system.load(),
+            system.processor(),
+            system.processors(),
+            walls / taken if told else None,
+        )
+
+    @property
+    def told(self) -> str:
+        """The number of times, and how busy the machine was, in words."""
+        times = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
+        load = "" if self.load is None else f", load {self.load:.1f} on {how_many(self.processors, 'processor')}"
+        return f"least of {times} times{load}"
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether other work had the processors for more than a tenth of the time."""
+        return self.stretch is not None and self.stretch > _SAME_COST
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another program in a chart: its name, which lines begin with, its version, and its settings in words."""
+
+    name: str
+    version: str
+    settings: str
 
 
 @dataclass(frozen=True, repr=False)
@@ -124,6 +211,10 @@ class Chart(Tabular):
         What the errors are relative to, and how well it is known.
     usual : Point
         Average acceleration at the interval, whether or not it is among the points.
+    timing : Timing
+        How the points were timed.
+    peers : tuple of Peer
+        The other programs that have points.
     """
 
     stories: int
@@ -132,6 +223,8 @@ class Chart(Tabular):
     points: tuple[Point, ...]
     reference: Reference
     usual: Point
+    timing: Timing
+    peers: tuple[Peer, ...] = ()
 
     def _headline(self) -> str:
         lines = len({point.line for point in self.points})
@@ -167,9 +260,17 @@ def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrat
     UsageError
         None of them can.
     """
-    able = [one for one in integrators if problem.building.linear or not one.family.linear_only]
+    building = problem.building
+    able = [
+        one
+        for one in integrators
+        if (building.linear or not one.family.linear_only) and (one.family.power_dampers or not building.power_damped)
+    ]
     if not able:
-        raise UsageError(f"{integrators[0].label} integrates linear buildings only; this one has nonlinear stories")
+        label = integrators[0].label
+        if not building.linear and integrators[0].family.linear_only:
+            raise UsageError(f"{label} integrates linear buildings only; this one has nonlinear stories")
+        raise UsageError(f"{label} takes no power-law dashpots; impulse4 and newmark-average do")
     return able
 
 
@@ -226,18 +327,20 @@ def measure(
         points=tuple(points[pair] for pair in pairs),
         reference=reference,
         usual=points[usual],
+        timing=Timing.of(points.values()),
     )
 
 
 def chart(
-    model: Any,
-    record: Any = None,
+    model: AnyModel,
+    record: AnyRecord | None = None,
     *,
     methods: str | Iterable[str] = DEFAULT_METHODS,
     dts: Sequence[float] = (),
     duration: float | None = None,
     repeats: int = 5,
     cached: bool = True,
+    progress: bool | Counted = False,
 ) -> Chart:
     """Measure what methods cost and how much they err on a building.
 
@@ -253,6 +356,13 @@ def chart(
         In place of the model's, else the record's, s.
     repeats, cached
         As of `measure`.
+    progress : bool or callable
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+
+    Returns
+    -------
+    Chart
+        The points: errors and times by method and step.
 
     Raises
     ------
@@ -266,7 +376,11 @@ def chart(
     problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=tuple(dts))
     integrators = suited(problem, chosen(methods))
     steps = tuple(dts) or default_steps(problem, len(integrators), repeats)
-    return measure(ending_together(problem, steps), integrators, steps, repeats=repeats, cached=cached)
+    with told_progress(progress, 100, "%") as told:
+        return measure(
+            ending_together(problem, steps), integrators, steps, repeats=repeats, cached=cached,
+            progress=lambda what, part: told(round(100.0 * part), 100),
+        )  # fmt: skip
 
 
 _Pair = tuple[Integrator, Steps]
@@ -300,7 +414,8 @@ class _Bench:
             self._advance("times", pair[1])
         if not point.errors:
             return point
-        return replace(point, times=(*point.times, self.problem.march(*pair).seconds))
+        march = self.problem.march(*pair)
+        return replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
 
     def _tried(self, integrator: Integrator, steps: Steps) -> Point:
         """Outcome and errors, without times."""
@@ -348,11 +463,71 @@ def ties(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
 
 def _alike(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
     """The points within a limit, their smaller steps too, that cost the least or nearly so."""
-    good: list[Point] = []
-    for line in dict.fromkeys(point.line for point in points):
-        for point in reversed([point for point in points if point.line == line]):
-            if not point.error(quantity) <= limit:
-                break
-            good.append(point)
+    lines = dict.fromkeys(point.line for point in points)
+    good = [point for line in lines for point in within(points, line, quantity, limit)]
     least = min((point.fastest for point in good), default=math.nan)
     return [point for point in good if point.fastest <= _SAME_COST * least]
+
+
+def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
+    """The points of a line whose error is within a limit, as are all those of it with smaller steps; these first."""
+    own = [point for point in points if point.line == line]
+    return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(own)))
+
+
+# ---- Performance profiles: costs over those of the best, of many problems
+
+
+def performance_ratios(costs: Array) -> Array:
+    """Costs over the least of each row: a problem each row, a solver each column, nan where it does not solve it.
+
+    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M).
+    """
+    costs = np.where(np.isnan(costs), math.inf, np.asarray(costs, dtype=np.float64))
+    least = np.min(costs, axis=1, keepdims=True)
+    return np.where(np.isfinite(costs), costs / np.where(np.isfinite(least), least, 1.0), math.inf)
+
+
+@dataclass(frozen=True)
+class PerformanceProfile:
+    """How a method fares over many problems at one tolerance: its performance ratios, the least first.
+
+    Attributes
+    ----------
+    quantity, tolerance : str, float
+        Of the error: what it is of, and what it must be within.
+    method : str
+        The line of the chart.
+    ratios : tuple of float
+        Its cost over that of the cheapest of our methods, a number for each problem; infinite where it is never
+        within the tolerance.
+    """
+
+    quantity: str
+    tolerance: float
+    method: str
+    ratios: tuple[float, ...]
+
+    def within(self, factor: float) -> int:
+        """Problems that it solves at no more than this factor of the least cost: rho(factor) times the problems."""
+        return sum(ratio <= factor for ratio in self.ratios)
+
+    @property
+    def problems(self) -> int:
+        """Problems that it was given."""
+        return len(self.ratios)
+
+    @property
+    def solved(self) -> int:
+        """Problems that it solves with one of its steps."""
+        return sum(map(math.isfinite, self.ratios))
+
+    @property
+    def median(self) -> float:
+        """Median ratio; infinite where half of the problems are not solved."""
+        return statistics.median(self.ratios)
+
+    @property
+    def worst(self) -> float:
+        """The largest ratio of those solved; nan without any."""
+        return max(filter(math.isfinite, self.ratios), default=math.nan)

@@ -5,30 +5,250 @@ converged, or refused; and runs that go on with the ground at rest until the bui
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial, reduce
+from operator import add, sub
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import run_totals
-from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, History, Response, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import (
+    ENERGY_TERMS,
+    Collapse,
+    Energy,
+    EnergyHistory,
+    ErrorEstimate,
+    ErrorHistory,
+    FailedRun,
+    History,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+    story_values,
+)
 from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuilding, Rest
-from tdint.analysis.run.steps import Steps, choose_steps
-from tdint.analysis.run.workspace import HALVINGS, Workspace
+from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
-from tdint.kernels.march.many import CODE
+from tdint.kernels.equations.carried.rows import error_peaks, unsettled
+from tdint.kernels.march.march import CODE
 from tdint.kernels.march.strides import LONGEST, SHORTEST, TAKEN
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, falling_stories
-from tdint.model.definition import Model
-from tdint.model.laws import LAWS
+from tdint.model.building import Building
+from tdint.model.definition import LAWS, Model
+from tdint.model.plausibility import DUCTILITY, doubts, unusual_stories
 from tdint.written_numbers import how_many
+
+# ---- What a march left in its arrays, as results
+
+_ROUNDING = 1e-12
+"""Error over the peak that is always there."""
+
+_TINY = np.finfo(float).tiny
+
+_COMMON = 0.5
+"""Part of the middle story's error, over its peak, below which no story's is told. With a quarter 1.6 to 1.9 % of the
+accelerations' told errors are less than half of the true ones, with this 1.2 %, and few more are told too large."""
+
+_FAINT = 0.1
+"""Part of the largest of the stories' errors, over the peak, below which none is corrected: of the largest one the
+correction leaves as much in one run of ten."""
+
+_OF_SWING = 0.3
+"""Part of the amplitude with which the error of a residual drift swings below which it is not told: with .1 to .5 a
+third of those off by more than twice is left, and the median stays."""
+
+Telling = Callable[[Building, Array, Array, Array], Array]
+"""Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
+
+
+def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
+    """The peaks of all stories."""
+    return peaks_of(building, space.peaks.copy(), space.springs[at.DRIFT, : building.stories].copy())
+
+
+def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
+    """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
+    return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
+
+
+def moving_drift(building: Building, space: Workspace) -> Array:
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+
+    At rest no story has a force. One is as far from that as the force it has takes by its present stiffness, and moves
+    with the largest displacement of the run over the largest velocity (s), longer as it is softer than at first.
+    """
+    drift, force, slope = (space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE, at.SLOPE))
+    stiffness = building.initial_stiffness
+    softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
+    away = (force + building.linear_terms[at.GEOMETRIC, :-1] * drift) / softer
+    rate = _of_drifts(building, space.state[at.VELOCITY])
+    return np.asarray(np.hypot(away, rate * _swing(space) * np.sqrt(stiffness / softer)))
+
+
+def _swing(space: Workspace) -> float:
+    """The largest displacement of a march over the largest velocity, s."""
+    displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
+    return float(displacement / velocity) if velocity > 0.0 else 0.0
+
+
+def _of_drifts(building: Building, floors: Array) -> Array:
+    """Rates of the drifts from those of the floors, a row of a table."""
+    return np.asarray(floors[:-1] - building.linear_terms[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+
+
+def unresolved_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
+    have changed since the time that was asked for, which was `late` (s) before the end."""
+    peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
+    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
+    told = story_values(building, peaks, rest)
+    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
+    return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
+
+
+def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
+    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that.
+
+    An error is what the corrected peak differs by, and what steps whose iteration did not settle left to correct. By
+    accident it may all but vanish at a peak, or at the end: none is taken for less than a part of the middle story's,
+    that of a residual drift for less than a part of what it swings by. A peak is not corrected by what is small beside
+    the other stories' errors: that is what a correction leaves of them.
+    """
+    n = building.stories
+    first = error_peaks(building.modal.shape[0])
+    residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
+    peaks = space.work[first : first + at.PEAK_ROWS, :n].copy()
+    with np.errstate(over="ignore"):  # of an error that ran away
+        corrected = peaks_of(building, peaks, residual)
+    sizes = {field.name: getattr(stories, field.name) for field in fields(StoryErrors)}
+    sizes["residual_drift"] = stories.peak_drift
+    left = space.work[unsettled(building.modal.shape[0]), n] / max(float(stories.peak_drift.max()), _TINY)
+    errors, taken, rate = {}, {}, _of_drifts(building, space.state[at.ERROR_VELOCITY])
+    for name, size in sizes.items():
+        computed, shifted = getattr(stories, name), getattr(corrected, name)
+        off = np.abs(shifted - computed)
+        relative = np.divide(off, size, out=np.zeros_like(off), where=size > 0.0)
+        taken[name] = np.where(relative < _FAINT * np.max(relative), computed, shifted)
+        if name == "residual_drift":
+            off = np.maximum(off, _OF_SWING * np.abs(rate) * _swing(space))
+        by_accident = off > _ROUNDING * size  # else there is none: the start is given
+        off = np.where(by_accident, not_by_accident(off, size), off)
+        errors[name] = np.maximum(off, np.maximum((_ROUNDING + left) * size, getattr(doubt, name)))
+    told = StoryErrors(**errors)
+    story, time = int(space.report[at.DOUBTFUL_STORY]), float(space.report[at.DOUBTFUL_TIME])
+    doubtful = (story, time) if story else None
+    corrected = replace(corrected, **taken)
+    return ErrorEstimate.of(stories, told, dts=(), corrected=corrected, left=told, doubtful=doubtful)
+
+
+def not_by_accident(error: Array, size: Array) -> Array:
+    """Errors of peaks of a size, shape (n,). Where one passes zero just at a peak, what is left is of higher order and
+    unknown: no story's is taken for less than a part of the middle story's, `_COMMON`."""
+    seen = (size > 0.0) & np.isfinite(error)
+    middle = np.median(np.divide(error, size, out=np.zeros_like(error), where=seen))
+    least = np.multiply(_COMMON * middle, size, out=np.zeros_like(error), where=size > 0.0)
+    return np.asarray(np.maximum(error, least))
+
+
+def energy_errors(totals: Array) -> Array:
+    """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
+    terms = dict(zip(ENERGY_TERMS, totals.T[: at.ENERGY_TERMS], strict=True))
+    spent = reduce(add, [term for name, term in terms.items() if name != "input"])
+    largest = totals[:, at.ENERGY_LARGEST]
+    imbalance = totals[:, at.ENERGY_START] + terms["input"] - spent
+    return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
+
+
+def energy_of(numbers: Array) -> Energy:
+    """The energies that stand at the beginning of some numbers."""
+    terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
+    return Energy(**terms, start=start, largest=largest)
+
+
+def history_of(building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None) -> History:
+    """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of it the largest
+    energy of the whole must be told."""
+    n = building.stories
+    table = space.history
+    behind = 1 + at.HISTORY_FIELDS * n
+    time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
+    return History(
+        time=time,
+        ground_acceleration=table[:, 0],
+        energy=_energy_history(table[:, behind : behind + at.ENERGY_TERMS], space.totals, largest),
+        error=_error_history(table[:, behind + at.ENERGY_TERMS :], n),
+        **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},
+    )
+
+
+def _field(place: int) -> Telling:
+    """What rows of a history hold themselves."""
+    return lambda building, forces, time, table: table[
+        :, 1 + place * building.stories : 1 + (place + 1) * building.stories
+    ]
+
+
+def _over_story(place: int) -> Telling:
+    """What of such a field lies between the floors above and below a story."""
+
+    def told(building: Building, forces: Array, time: Array, table: Array) -> Array:
+        floors = _field(place)(building, forces, time, table)
+        stories = floors.copy()
+        stories[:, 1:] -= floors[:, :-1]
+        return stories
+
+    return told
+
+
+def _error_history(table: Array, n: int) -> ErrorHistory | None:
+    if not table.size:
+        return None
+    displacement, velocity, shear = (table[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
+    drift = displacement.copy()
+    drift[:, 1:] -= displacement[:, :-1]
+    return ErrorHistory(displacement, velocity, drift, shear)
+
+
+def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
+    """What moves the floors above each story: forces on them less masses times absolute accelerations."""
+    moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
+    for force in forces:
+        angle = force[at.OMEGA] * time
+        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
+    return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
+
+
+def _energy_history(table: Array, totals: Array, largest: float | None) -> EnergyHistory:
+    terms = list(table.T)
+    start, largest = totals[at.ENERGY_START], totals[at.ENERGY_LARGEST] if largest is None else largest
+    imbalance = reduce(sub, terms[1:], start + terms[0])
+    error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)
+
+
+_ACCELERATION = _field(2)
+_DRIFT_RATE = _over_story(1)
+
+HISTORIES: dict[str, Telling] = {
+    "displacement": _field(0),
+    "velocity": _field(1),
+    "acceleration": _ACCELERATION,
+    "drift": _over_story(0),
+    "shear": _field(3),
+    "damper_force": lambda building, *told: building.device_force(_DRIFT_RATE(building, *told)),
+    "total_shear": _total_shear,
+}
+"""What gives each field of `History` that stories and floors have, shape (rows, n)."""
+
+
+# ---- Case
 
 _LARGE_IMBALANCE = 0.01
 """Energy error above which a run says so."""
@@ -65,8 +285,8 @@ class Case:
         The model's building, put together.
     record : Record or None
         The ground motion; None is ground at rest.
-    integrator : Integrator
-        The method.
+    method : Integrator
+        The method with its parameters.
     allow_unstable : bool
         Run a method beyond its limit, and take a motion on energy that the method made for a result.
     remarks : tuple of str
@@ -76,7 +296,7 @@ class Case:
     model: Model
     prepared: PreparedBuilding
     record: Record | None
-    integrator: Integrator
+    method: Integrator
     allow_unstable: bool = False
     remarks: tuple[str, ...] = ()
 
@@ -89,6 +309,10 @@ class Case:
     def ground(self) -> Array | None:
         """Ground acceleration at the samples, m/s^2; None for ground at rest."""
         return None if self.record is None else self.record.acceleration.copy()
+
+    @cached_property
+    def _doubts(self) -> tuple[str, ...]:
+        return doubts(self.model, self.building, self.record.pga if self.record else math.nan)
 
     def under(self, record: Record | None) -> Case:
         """The same building and method under another ground motion."""
@@ -127,13 +351,13 @@ class Case:
 
         Methods that never do need no reason.
         """
-        family = self.integrator.family.with_error
+        family = self.method.family.with_error
         if family is None:
             return None, ""
-        if self.integrator.rho_inf != 1.0:
-            return None, f"{self.integrator.label} does not carry it along; rho_inf=1 does"
-        method = replace(self.integrator.method, family=family)
-        return replace(self, integrator=replace(self.integrator, method=method)), ""
+        if self.method.rho_inf != 1.0:
+            return None, f"{self.method.label} does not carry it along; rho_inf=1 does"
+        carrying = replace(self.method.method, family=family)
+        return replace(self, method=replace(self.method, method=carrying)), ""
 
     def march(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the steps.
@@ -152,7 +376,7 @@ class Case:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
-        error = run_totals.energy_of(marched.space.totals).error
+        error = energy_of(marched.space.totals).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
@@ -163,12 +387,12 @@ class Case:
 
         `largest` is the run's largest energy. Together the pieces are what `march` keeps, bit for bit.
         """
-        for space in self.prepared.march_pieces(self.integrator, steps, self.ground, every=every):
-            yield run_totals.history(self.building, self.prepared.forces, space, steps.h, largest)
+        for space in self.prepared.march_pieces(self.method, steps, self.ground, every=every):
+            yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
         return self.prepared.march(
-            self.integrator,
+            self.method,
             steps,
             self.ground,
             rows=steps.count if history else 0,
@@ -177,17 +401,17 @@ class Case:
 
     def _refuse_unstable(self, h: float) -> None:
         """Refuse a step beyond the method's limit for the building's modes in its initial state."""
-        found = self.prepared.instability(self.integrator, h)
-        if found is None:
+        instability = self.prepared.instability(self.method, h)
+        if instability is None:
             return
-        omega = self.building.modes().omega[found.index]
-        stable = found.largest_stable
+        omega = self.building.modes().omega[instability.index]
+        stable = instability.largest_stable
         cure = f"the largest stable step is {stable:.6g} s" if stable > 0.0 else "no smaller step is stable"
         message = (
-            f"{self.integrator.label} is unstable at dt {h:.6g} s: mode {found.index + 1} (omega {omega:.6g} rad/s, "
+            f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} rad/s, "
             f"omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
         )
-        raise FailedRun(message, "unstable-step", self.integrator.label, h, largest_stable_dt=stable)
+        raise FailedRun(message, "unstable-step", self.method.label, h, largest_stable_dt=stable)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         residual = float(space.report[at.RESIDUAL])
@@ -196,11 +420,11 @@ class Case:
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
         reached = float(space.totals[at.STEPS_REACHED]) * steps.h
         story = int(space.report[at.WORST_STORY]) + 1
-        what = (
+        event = (
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
             f"balance by {residual:.1e} of its forces"
         )
-        return self._failed(steps, "not-converged", what, time=reached, story=story, residual=residual)
+        return self._failed(steps, "not-converged", event, time=reached, story=story, residual=residual)
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy there, J."""
@@ -208,14 +432,14 @@ class Case:
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
-        what = f"diverged after {reached:.6g} s: {reason}{size}"
-        return self._failed(steps, "diverged", what, time=reached, story=story, energy=energy)
+        event = f"diverged after {reached:.6g} s: {reason}{size}"
+        return self._failed(steps, "diverged", event, time=reached, story=story, energy=energy)
 
-    def _failed(self, steps: Steps, status: str, what: str, **told: Any) -> FailedRun:
+    def _failed(self, steps: Steps, status: str, event: str, **told: Any) -> FailedRun:
         """That a run ended before its time: how, in words and in numbers."""
-        label = self.integrator.label
+        label = self.method.label
         notes = (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
-        message = f"{label} with dt {steps.h:.6g} s {what}; {_CURE}"
+        message = f"{label} with dt {steps.h:.6g} s {event}; {_CURE}"
         return FailedRun(message, status, label, steps.h, notes=notes, **told)
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
@@ -233,15 +457,15 @@ class Case:
         if numbers[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
             return None
         taken, story = int(numbers[at.COLLAPSE_STEP]), int(numbers[at.COLLAPSE_STORY]) + 1
-        failed, energy = bool(numbers[at.COLLAPSE_FAILED]), run_totals.energy_of(numbers[at.COLLAPSE_ENERGIES :])
+        failed, energy = bool(numbers[at.COLLAPSE_FAILED]), energy_of(numbers[at.COLLAPSE_ENERGIES :])
         time, made = taken * steps.h, -energy.error
-        own = made < _MADE and taken > 0
-        if own or (code == 0 and (taken == 0 or self.allow_unstable)):
+        by_method = made < _MADE and taken > 0
+        if by_method or (code == 0 and (taken == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
             return None
-        what = f"story {story} failed" if failed else f"the drift ratio of story {story} passed the collapse drift"
-        reason = f"{what} on {made:.3g} times the input energy"
+        event = f"story {story} failed" if failed else f"the drift ratio of story {story} passed the collapse drift"
+        reason = f"{event} on {made:.3g} times the input energy"
         raise self._diverged(steps, time, energy.kinetic, reason, story)
 
     def settle(self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False) -> Collapse | Response:
@@ -255,7 +479,7 @@ class Case:
         """
         code, taken, _ = marched.ends[i].astype(int).tolist()
         totals = marched.totals[i]
-        at_its_end = code == 0 and -run_totals.energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY
+        at_its_end = code == 0 and -energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY
         if at_its_end and (collapse := self.judge(steps, code, totals)):
             return collapse
         most = max(taken, int(totals[at.STEPS_REACHED]) + 1)
@@ -263,18 +487,18 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = run_totals.energy_of(space.totals)
-        stories = run_totals.story_peaks(self.building, space)
-        unresolved = run_totals.unresolved(self.building, space, steps.late)
+        energy = energy_of(space.totals)
+        stories = story_peaks(self.building, space)
+        unresolved = unresolved_errors(self.building, space, steps.late)
         notes = self._notes(steps, int(space.totals[at.HALVINGS]))
-        moving = run_totals.moving_drift(self.building, space)
-        kept, carries = space.history.size, self.integrator.family.carries_error
-        history = run_totals.history(self.building, self.prepared.forces, space, steps.h) if kept else None
+        moving = moving_drift(self.building, space)
+        kept, carries = space.history.size, self.method.family.carries_error
+        history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
         response = Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
-            method=self.integrator.label,
+            method=self.method.label,
             dt=steps.h,
             steps=steps.count,
             iterations=int(space.totals[at.ITERATIONS]),
@@ -292,8 +516,8 @@ class Case:
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,
-            check=run_totals.carried_error(self.building, space, stories, unresolved) if carries else None,
-            warnings=(*_imbalance(energy), *falling_stories(self.model)),
+            check=carried_error(self.building, space, stories, unresolved) if carries else None,
+            warnings=(*_imbalance(energy), *self._doubts, *unusual_stories(DUCTILITY, stories.ductility)),
         )
         if space.choice is None:
             return response
@@ -311,7 +535,7 @@ class Case:
         notes = [*self.remarks, *(record.notes if record else ())]
         if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
-        if self.integrator.family.linear_only and self.model.excitation.forces:
+        if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
         if halvings:
@@ -331,14 +555,14 @@ class Case:
         )
 
     def _stiffening_note(self) -> tuple[str, ...]:
-        if not self.integrator.family.limited_by_stiffening:
+        if not self.method.family.limited_by_stiffening:
             return ()
         laws = [story.law for story in self.model.stories]
         stories = [i for i, law in enumerate(laws, start=1) if LAWS[law.name].stiffens(law.parameters)]
         if not stories:
             return ()
         return (
-            f"{self.integrator.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
+            f"{self.method.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
             f"as story {stories[0]} can: check with a smaller step",
         )
 
@@ -353,7 +577,7 @@ def case_of(given: Case) -> Case:
 def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made; shape (runs,)."""
     numbers = marched.totals
-    made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
+    made = ~(-energy_errors(numbers) < RUNAWAY)
     collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
     return np.asarray((marched.ends[:, CODE] < 0) | collapsed | made)
 
@@ -423,7 +647,7 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     """
     ground: NDArray[np.float64] = np.zeros(1) if case.ground is None else case.ground
     marched = case.prepared.march_many(
-        case.integrator,
+        case.method,
         steps.h,
         ground,
         [Lane(0, ground.size, 1.0, steps)],

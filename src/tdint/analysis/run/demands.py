@@ -1,10 +1,12 @@
-"""Engineering demand parameters of a run, demands for short: the largest of each kind, and the story or floor of it."""
+"""Engineering demand parameters of runs, demands for short: the largest of each kind, and the story or floor of it; and
+the values of many runs, of which columns are made."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
 from tdint.arrays import Array
-from tdint.quantity import Quantity, quantities
+from tdint.units import Quantity, quantities
 
 
 class Largest(NamedTuple):
@@ -67,14 +69,14 @@ class Demand(Quantity):
 
         Any story may have the largest value that could with its error: the largest error among those.
         """
-        values, own = self.values(stories), self._of(errors, stories.height)
+        values, off = self.values(stories), self._of(errors, stories.height)
         if self.story is not None:
-            return float(own[self.story])
-        known = np.isfinite(values) & np.isfinite(own)
-        if not known.any():
+            return float(off[self.story])
+        finite = np.isfinite(values) & np.isfinite(off)
+        if not finite.any():
             return math.nan
-        values, own = values[known], own[known]
-        return float(np.max(own[values + own >= np.max(values)]))
+        values, off = values[finite], off[finite]
+        return float(np.max(off[values + off >= np.max(values)]))
 
     def values(self, stories: StoryPeaks) -> Array:
         """The numbers of the stories, shape (..., n)."""
@@ -149,9 +151,11 @@ DECLARED: tuple[Demand, ...] = tuple(one for one in quantities(Demands) if isins
 
 def _further() -> Iterator[Demand]:
     """The largest of what stories have and no demand above is made of."""
-    for one in STORY:
-        if "summary" in one.shown:
-            yield Demand(one.unit, f"{one.meaning}; of all stories", called=one.called, name=one.name)
+    for quantity in STORY:
+        if "summary" in quantity.shown:
+            yield Demand(
+                quantity.unit, f"{quantity.meaning}; of all stories", called=quantity.called, name=quantity.name
+            )
 
 
 DEMANDS: tuple[Demand, ...] = (*DECLARED, *_further())
@@ -170,13 +174,110 @@ class DemandsOfRuns:
         self._stories = stories
 
     def __getattr__(self, name: str) -> LargestOfRuns:
-        for one in DECLARED:
-            if one.name == name:
-                setattr(self, name, found := one.of(self._stories))
-                return found
+        for demand in DECLARED:
+            if demand.name == name:
+                setattr(self, name, largest := demand.of(self._stories))
+                return largest
         raise AttributeError(name)
 
 
-def only(found: Any) -> Largest:
+def only(demand: Any) -> Largest:
     """The one run's."""
-    return Largest(float(found.value[0]), int(found.place[0]) or None)
+    return Largest(float(demand.value[0]), int(demand.place[0]) or None)
+
+
+# ---- Values of runs, as `Runs.to_dict`, runs.csv and the store of a campaign have them
+
+HIDDEN: tuple[str, ...] = ()
+"""Where a quantity of a run appears that only the store has."""
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RunValues:
+    """What runs come to, arrays of shape (runs,), SI units: the columns of which a result of many runs, a row of a
+    store and its tables have theirs.
+
+    A field is all there is to a column. Its `value` follows from `DemandsOfRuns`.
+    """
+
+    dt: Annotated[Array, Quantity("s", "time step, after repetitions with finer ones")]
+    status: Annotated[NDArray[np.str_], Quantity("text", "how the run ended", kind=str)]
+    collapse_time: Annotated[Array, Quantity("s", "time of the collapse")]
+    collapse_story: Annotated[Counts, Quantity("1", "story that collapsed first", kind=int)]
+    peak_drift_ratio: Annotated[
+        Array, Quantity("1", "largest peak drift over story height", attrgetter("drift_ratio.value"))
+    ]
+    peak_drift_story: Annotated[
+        Counts,
+        Quantity(
+            "1",
+            "story that has it; without heights that of the largest drift",
+            lambda largest: np.where(largest.drift_ratio.place > 0, largest.drift_ratio.place, largest.drift.place),
+            kind=int,
+        ),
+    ]
+    peak_drift: Annotated[Array, Quantity("m", "largest peak drift, of any story", attrgetter("drift.value"))]
+    residual_drift_ratio: Annotated[
+        Array,
+        Quantity(
+            "1", "largest drift over story height at the end of the run", attrgetter("residual_drift_ratio.value")
+        ),
+    ]
+    peak_acceleration: Annotated[
+        Array,
+        Quantity(
+            "m/s^2",
+            "largest absolute acceleration of a floor",
+            attrgetter("acceleration.value"),
+            called="peak_absolute_acceleration",
+        ),
+    ]
+    peak_acceleration_floor: Annotated[
+        Counts, Quantity("1", "floor that has it", attrgetter("acceleration.place"), kind=int)
+    ]
+    peak_roof_displacement: Annotated[
+        Array, Quantity("m", "largest displacement of the roof", attrgetter("roof_displacement.value"))
+    ]
+    peak_base_shear: Annotated[
+        Array, Quantity("N", "largest restoring force of the first story", attrgetter("base_shear.value"))
+    ]
+    energy_error: Annotated[Array, Quantity("1", "imbalance over the largest input energy")]
+    steps: Annotated[Counts, Quantity("1", "time steps", kind=int)]
+    pga: Annotated[Array, Quantity("m/s^2", "peak ground acceleration, scaled")]
+    sa_t1: Annotated[
+        Array, Quantity("m/s^2", "pseudo-acceleration at the building's first period, 5 % damping, scaled")
+    ]
+    at_rest: Annotated[
+        Counts, Quantity("1", "whether it came to rest, where that was waited for", shown=HIDDEN, kind=int)
+    ]
+    repeats: Annotated[Counts, Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN, kind=int)]
+
+
+RUN = quantities(RunValues)
+"""The quantities of a run, in the order of their columns."""
+
+DEMANDED = tuple(quantity for quantity in RUN if quantity.value)
+"""Those of them that follow from its demands."""
+
+RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is float)
+"""Those of them whose errors can be estimated."""
+
+
+def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
+    """The fields of `RunValues` that follow from the demands of runs with these peaks, shape (runs, n)."""
+    largest = DemandsOfRuns(stories)
+    return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
+
+
+def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
+    """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
+    largest = Demands(**{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED})
+    return tuple(float(quantity.value(largest)) for quantity in RUN_WITH_ERROR if quantity.value)
+
+
+def demand_values(stories: StoryPeaks) -> tuple[float, ...]:
+    """The demands of a run that have errors, in the order of `RUN_WITH_ERROR`."""
+    columns = demand_columns(stories)
+    return tuple(float(columns[quantity.name][0]) for quantity in RUN_WITH_ERROR)

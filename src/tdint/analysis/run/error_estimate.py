@@ -4,7 +4,8 @@ A run of moment4 carries its error along (`tdint.kernels.equations.carried.error
 run's own peaks are off by no more than 1.25 times the estimate in 96 of 100 runs, and the corrected ones by less than
 the estimate in 98; up to 1e-2 it is right within a factor of 3; above, the step is too long for it to tell. It is in
 doubt, too, where the drifts' error is small beside that of the other motions: where it passes zero at the peaks, what
-the run does not know of it is what is left.
+the run does not know of it is what is left. And where a law decides something for good by less than the error: whether
+a story turns, if each turn counts, or fails.
 
 There a run with a half of the step carries its error along, with a quarter where that is too long still: what its
 corrected peaks differ by is the error, and what these may be off by is added. They are the corrected ones of the run,
@@ -23,6 +24,7 @@ no error is taken for less than a part of their root mean square, relative to th
 may be larger by between steps that do not resolve the motion. Higher orders are not counted on: a declared order 4 is
 lost at the first kink that is not located.
 
+A run that goes on until rest ends while a little of its motion is left: that is added to the errors of residual drifts.
 A run of long steps ends after the time that was asked for, the record's end as a rule: what the drifts have changed by
 since then is added to the errors of residual drifts.
 """
@@ -35,9 +37,9 @@ from functools import partial
 
 import numpy as np
 
-from tdint.analysis.run.case import Case
+from tdint.analysis.run.case import Case, not_by_accident
 from tdint.analysis.run.outcome import ErrorEstimate, ErrorHistory, FailedRun, History, Response, Shock, StoryErrors
-from tdint.analysis.run.steps import Steps, finer
+from tdint.analysis.run.workspace import Steps, finer
 from tdint.arrays import Array
 from tdint.model.building import Building
 
@@ -92,6 +94,21 @@ def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool
     return told_by_finer(response, _repetitions(carrying, replace(steps, count=response.steps)), reason)
 
 
+def ended_at_rest(response: Response) -> Response:
+    """The response of a run that has gone on until rest: its residual drifts are those at rest, from which what is left
+    of the motion keeps them."""
+    check = response.check
+    if check is None:
+        return response
+
+    def with_rest(errors: StoryErrors) -> StoryErrors:
+        moving = np.maximum(response.moving_drift, _COMMON * common(response.moving_drift, response.stories.peak_drift))
+        return replace(errors, residual_drift=errors.residual_drift + moving)
+
+    left = with_rest(check.left) if check.left else None
+    return replace(response, check=replace(check, errors=with_rest(check.errors), left=left))
+
+
 def told_by_finer(response: Response, finer_runs: Iterable[Response | FailedRun], reason: str) -> Response:
     """The response with the error that finer runs tell, for the `reason` that its own does not: the first one that
     carries its error along and whose step is not too long for that, else all of them as repetitions."""
@@ -101,34 +118,32 @@ def told_by_finer(response: Response, finer_runs: Iterable[Response | FailedRun]
         if isinstance(other, Response) and not _too_coarse(other) and _alike(response, other):
             note = f"the error comes from a run with dt {other.dt:.6g} s: {reason}"
             told = replace(response, notes=(*response.notes, note), check=_from_corrected(response, other))
-            return _with_history_of(told, other)
+            # The response with the errors of its history that a run with smaller steps tells.
+            if told.pieces is None or other.pieces is None:
+                return told
+            ratio = round(told.dt / other.dt)
+            history = told.history and _corrected_by(told.history, History.joined(other.pieces(ratio)))
+            return replace(told, history=history, pieces=partial(_corrected_pieces, told.pieces, other.pieces, ratio))
     return with_check(_with_note(response, reason), others)
 
 
-def _with_history_of(response: Response, other: Response) -> Response:
-    """The response with the errors of its history that a run with smaller steps tells."""
-    if response.pieces is None or other.pieces is None:
-        return response
-    ratio = round(response.dt / other.dt)
-    history = response.history and _corrected_by(response.history, History.joined(other.pieces(ratio)))
-    return replace(response, history=history, pieces=partial(_corrected_pieces, response.pieces, other.pieces, ratio))
-
-
 def _corrected_pieces(
-    own: Callable[[int], Iterator[History]], others: Callable[[int], Iterator[History]], ratio: int, every: int = 1
+    pieces: Callable[[int], Iterator[History]], others: Callable[[int], Iterator[History]], ratio: int, every: int = 1
 ) -> Iterator[History]:
-    return map(_corrected_by, own(every), others(every * ratio))
+    return map(_corrected_by, pieces(every), others(every * ratio))
 
 
-def _corrected_by(own: History, other: History) -> History:
+def _corrected_by(history: History, other: History) -> History:
     """A history with its error, true less computed, where that which another run corrects to is true; at the same
     times."""
     assert other.error is not None
     errors = {
-        one.name: getattr(other, one.name) + getattr(other.error, one.name) - getattr(own, one.name)
-        for one in fields(ErrorHistory)
+        quantity.name: getattr(other, quantity.name)
+        + getattr(other.error, quantity.name)
+        - getattr(history, quantity.name)
+        for quantity in fields(ErrorHistory)
     }
-    return replace(own, error=ErrorHistory(**errors))
+    return replace(history, error=ErrorHistory(**errors))
 
 
 def _with_note(response: Response, reason: str) -> Response:
@@ -143,11 +158,12 @@ def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
     assert finer_run.check is not None and finer_run.check.corrected is not None
     errors = {}
     for name in (field.name for field in fields(StoryErrors)):
-        own, other, true = (
+        peaks, other, true = (
             getattr(of, name) for of in (response.stories, finer_run.stories, finer_run.check.corrected)
         )
-        off = np.abs(own - true) + np.abs(other - true) + _ROUNDING * np.abs(_size(response, name))
-        errors[name] = _with_unresolved(response, name, off)
+        size = np.abs(_size(response, name))
+        off = not_by_accident(np.abs(peaks - true) + np.abs(other - true), size)
+        errors[name] = _with_unresolved(response, name, off + _ROUNDING * size)
     told = ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(finer_run.dt,))
     if response.collapse is not None and response.collapse.ended:
         return told
@@ -173,6 +189,10 @@ def doubt(response: Response, building: Building) -> str:
     """Why the error that a run has carried along does not do, in words; empty if it does."""
     if reason := _too_coarse(response):
         return reason
+    assert response.check is not None
+    if response.check.doubtful is not None:
+        story, time = response.check.doubtful
+        return f"whether story {story} turns or fails about {time:.6g} s is within the one that it carries along"
     # After the peaks strides are long: the error of what is left says nothing of theirs.
     others = [name for name in _OF_MOTION if response.step_range is None or name != "residual_drift"]
     if not building.linear and _off(response, *others) > _BESIDE * _off(response, "peak_drift"):
@@ -195,11 +215,11 @@ def _too_coarse(response: Response) -> str:
 def _off(response: Response, *names: str) -> float:
     """The largest error over the peak that a run has carried along to peaks of these names."""
     assert response.check is not None and response.check.corrected is not None
-    found = []
+    relative = []
     for name in names:
-        own, true = getattr(response.stories, name), getattr(response.check.corrected, name)
-        found.append(float(np.max(np.abs(true - own) / np.maximum(_size(response, name), _TINY))))
-    return max(found)
+        peaks, true = getattr(response.stories, name), getattr(response.check.corrected, name)
+        relative.append(float(np.max(np.abs(true - peaks) / np.maximum(_size(response, name), _TINY))))
+    return max(relative)
 
 
 def checked(case: Case, steps: Steps, response: Response) -> Response:
@@ -275,8 +295,12 @@ def estimate(coarse: Array, half: Array, quarter: Array, size: Array) -> Array:
 
     `size` is what the errors are compared with between stories; where it is nan there is no estimate.
     """
-    own = np.maximum(4.0 / 3.0 * np.abs(coarse - half), np.abs(coarse - quarter) + np.abs(half - quarter))
-    known = size > 0.0
-    relative = np.divide(own, size, out=np.zeros_like(own), where=known)
-    common = np.sqrt(np.sum(relative**2) / max(np.count_nonzero(known), 1))
-    return np.asarray(np.maximum(own, (_COMMON * common + _ROUNDING) * size))
+    errors = np.maximum(4.0 / 3.0 * np.abs(coarse - half), np.abs(coarse - quarter) + np.abs(half - quarter))
+    return np.asarray(np.maximum(errors, _COMMON * common(errors, size) + _ROUNDING * size))
+
+
+def common(errors: Array, size: Array) -> Array:
+    """The root mean square over the stories of errors relative to a size, times that size."""
+    moved = size > 0.0
+    relative = np.divide(errors, size, out=np.zeros_like(errors), where=moved)
+    return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(moved), 1)) * size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial, reduce
+from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
 
@@ -13,15 +13,14 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
-from tdint.quantity import Quantity, quantities
 from tdint.tabular import Tabular
+from tdint.units import Quantity, quantities
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.model.building import Building
     from tdint.model.definition import Model
-
 
 _TABLE = ("table",)
 
@@ -127,7 +126,7 @@ class StoryPeaks(Tabular, StoryValues):
 
     All are looked for between the steps too, on the quintic through displacement, velocity and acceleration at both
     ends of a step, or of each piece of it between two changes of branch that the method locates
-    (`tdint.kernels.march.peaks_between_steps`).
+    (`tdint.kernels.march.peaks_between_steps`), or at those that its paths tell (`tdint.kernels.equations.corners`).
 
     Attributes
     ----------
@@ -191,6 +190,9 @@ class ErrorEstimate:
         nearer to the truth. None where the error comes from repetitions.
     left : StoryErrors or None
         What the corrected peaks may be off by: what they are corrected by in the run that carried its error along.
+    doubtful : tuple of int and float, or None
+        The first story, from 1, that decides something for good which its error may decide otherwise, and when, s; of a
+        run that carries its error along.
     """
 
     errors: StoryErrors
@@ -200,6 +202,7 @@ class ErrorEstimate:
     choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
     left: StoryErrors | None = None
+    doubtful: tuple[int, float] | None = None
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
@@ -320,8 +323,8 @@ class History(Tabular):
 
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
-        found: History = _joined([self], lambda arrays: arrays[0][::steps])
-        return found
+        rows: History = _joined([self], lambda arrays: arrays[0][::steps])
+        return rows
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
@@ -405,7 +408,7 @@ class Response(Tabular):
     iterations, halvings, events : int
         Solves; steps that were halved to converge; changes of branch that were located.
     march_time : float
-        Wall time of the compiled time loop alone, s.
+        Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor, where that is told.
     history : History or None
         Only if it was asked for.
     collapse : Collapse or None
@@ -502,6 +505,3 @@ class FailedRun(AnalysisError):
 
     def __post_init__(self) -> None:
         super().__init__(self.message)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), **{one.name: getattr(self, one.name) for one in fields(self)}), ()

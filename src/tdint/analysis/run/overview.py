@@ -6,15 +6,16 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from tdint.analysis.given import AnyModel
 from tdint.errors import ModelError, UsageError
-from tdint.input_bytes import is_file
+from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged, model_of
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
+from tdint.model.plausibility import doubts
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -27,6 +28,8 @@ class Overview(Tabular):
     ----------
     model : Model
         The model.
+    warnings : tuple of str
+        What a run of it warns of before it begins.
     mass, height : float
         Of the whole building, kg, m; nan where a story has no height.
     period, damping : float
@@ -38,6 +41,7 @@ class Overview(Tabular):
     height: float
     period: float
     damping: float
+    warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         stories = how_many(self.stories, "story")
@@ -84,6 +88,8 @@ def overview(source: str | Path) -> Overview:
     ModelError
         All that is wrong with the file: what `load_model` refuses, an unknown method, a record that is not there, a
         building that cannot stand.
+    RecordError
+        The record that it names cannot be read.
     """
     model = load_judged(source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)})
     try:
@@ -91,10 +97,11 @@ def overview(source: str | Path) -> Overview:
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
-    return Overview(model, float(building.mass.sum()), float(building.rises.sum()), 2.0 * math.pi / omega, damping)
+    period, warnings = 2.0 * math.pi / omega, doubts(model, building, _pga(model))
+    return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 
 
-def modes(model: Any) -> Modes:
+def modes(model: AnyModel) -> Modes:
     """The undamped modes of a model's initial stiffness, with their damping ratios.
 
     Parameters
@@ -102,17 +109,33 @@ def modes(model: Any) -> Modes:
     model : Model, str, Path or mapping
         What `run` takes.
 
+    Returns
+    -------
+    Modes
+        Circular frequencies (rad/s), shapes, damping ratios and effective masses.
+
     Raises
     ------
     ModelError
         The model is none; P-delta larger than a story's stiffness.
     """
     building = assemble(model_of(model))
-    found = building.modes()
-    return replace(found, damping=found.damping_ratios(building.damping_matrix()))
+    result = building.modes()
+    return replace(result, damping=result.damping_ratios(building.damping_matrix()))
 
 
 _RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
+
+
+def _pga(model: Model) -> float:
+    """Of the ground motion that the model names, processed and scaled, m/s^2; nan of none and of standard input."""
+    source = model.excitation.record
+    if source is None or source.file == "-":
+        return math.nan
+    from tdint.analysis.run.run import model_record
+
+    record = model_record(model)
+    return record.pga if record else math.nan
 
 
 def _there(text: str, folder: Path) -> None:

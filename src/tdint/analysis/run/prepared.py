@@ -9,17 +9,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tdint.analysis.run.amplification import Instability, find_instability
-from tdint.analysis.run.steps import Steps
+from tdint import system
+from tdint.analysis.given import AnyModel
 from tdint.analysis.run.workspace import (
     HALVINGS,
+    Instability,
+    Steps,
     Workspace,
     check_suited,
     doubled_laws,
+    find_instability,
     history_width,
     kernels,
     shifts,
@@ -28,15 +32,24 @@ from tdint.analysis.run.workspace import (
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
-from tdint.kernels.building.compilable import Variant
-from tdint.kernels.building.obtaining import obtain
-from tdint.kernels.bundles import Memory, Scene
-from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
-from tdint.kernels.march.many import END_COLUMNS, many
-from tdint.kernels.march.march import march
+from tdint.kernels.building.compilable import EVERYTHING, Variant
+from tdint.kernels.building.obtaining import compile_ahead, obtain
+from tdint.kernels.building.sources import CODE
+from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws.compiled_separately import kernels_apart
+from tdint.kernels.march.march import END_COLUMNS, many, march
+from tdint.kernels.march.observing import begin, raise_shears, take_stock
 from tdint.kernels.march.strides import ALLOWED, DRIFTS, FASTEST, PERIOD, march_in_strides
+from tdint.kernels.oscillators.bilinear import bilinear_response
+from tdint.kernels.oscillators.elastic import peaks
+from tdint.kernels.oscillators.modal_sums import largest_drifts
+from tdint.kernels.oscillators.rotated import rotated_peaks
+from tdint.kernels.stepping import Memory, Scene
+from tdint.kernels.stories.law_state import follow
+from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble, force_table, variant
+from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
 _RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
@@ -52,11 +65,13 @@ Loop = Callable[[Steps, int, int], int]
 
 @dataclass(frozen=True)
 class Marched:
-    """What a march left: its arrays, 0 or the code of the step that failed, and the wall time of the time loop, s."""
+    """What a march left: its arrays, 0 or the code of the step that failed, and the time that the time loop took, s, by
+    `tdint.system.clock` and on the wall."""
 
     space: Workspace
     code: int
     seconds: float
+    wall: float
 
 
 class Lane(NamedTuple):
@@ -71,29 +86,21 @@ class Lane(NamedTuple):
 
 @dataclass(frozen=True)
 class Motions:
-    """Ground motions by their numbers, as compiled runs take them.
-
-    Attributes
-    ----------
-    records : mapping of int to Record
-        The motions.
-    samples : ndarray
-        The accelerations of all, one after the other, m/s^2.
-    starts : mapping of int to int
-        Where each begins in `samples`.
-    """
+    """Ground motions by their numbers, and as compiled runs take them: one after the other."""
 
     records: Mapping[int, Record]
-    samples: Array
-    starts: Mapping[int, int]
 
-    @classmethod
-    def of(cls, records: Mapping[int, Record]) -> Motions:
-        """Put some motions one after the other."""
-        sizes = [record.acceleration.size for record in records.values()]
+    @cached_property
+    def samples(self) -> Array:
+        """The accelerations of all, m/s^2."""
+        return np.concatenate([record.acceleration for record in self.records.values()])
+
+    @cached_property
+    def starts(self) -> Mapping[int, int]:
+        """Where each begins in `samples`."""
+        sizes = [record.acceleration.size for record in self.records.values()]
         starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
-        samples = np.concatenate([record.acceleration for record in records.values()])
-        return cls(records, samples, dict(zip(records, starts, strict=True)))
+        return dict(zip(self.records, starts, strict=True))
 
     def lane(self, number: int, scale: float, steps: Steps) -> Lane:
         """A run under one of them, times a factor."""
@@ -113,13 +120,17 @@ class MarchedRuns:
     totals : ndarray, shape (runs, TOTALS_SIZE)
         As `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
-        The columns of `tdint.kernels.march.many`: code, steps taken, whether at rest.
+        The columns of `tdint.kernels.march.march`: code, steps taken, whether at rest.
     """
 
     peaks: Array
     drifts: Array
     totals: Array
     ends: Array
+
+    def part(self, first: int, last: int) -> MarchedRuns:
+        """Some of the runs: the arrays are parts of these."""
+        return MarchedRuns(*(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends)))
 
     @classmethod
     def empty(cls, runs: int, stories: int) -> MarchedRuns:
@@ -147,6 +158,9 @@ class Rest:
     window: int = 1
     windows: int = 0
     quiet: float = 0.0
+
+
+_NO_REST = Rest()
 
 
 @dataclass(frozen=True)
@@ -225,9 +239,10 @@ class PreparedBuilding:
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
         """The stiffest of the modes in the initial state that a step h (s) is too long for, None if it is stable.
 
-        Modes are solved for a method that has a limit, and once.
+        Modes are solved for a method that has a limit, and once. That a method of ours has none is tested; of a
+        plug-in's it is measured.
         """
-        if integrator.stability_limit == math.inf:
+        if integrator.stability_limit == math.inf and f"method {integrator.method.name}" not in CODE:
             return None
         key = (integrator.label, h)
         if key not in self._instability:
@@ -275,9 +290,9 @@ class PreparedBuilding:
             space.choice[ALLOWED], space.choice[PERIOD] = steps.bound.allowed, self.period
             space.choice[DRIFTS:] = steps.bound.drifts
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
-        began = time.perf_counter()
+        began, wall = system.seconds(), time.perf_counter()
         code = self._in_pieces(go, steps)
-        return Marched(space, code, time.perf_counter() - began)
+        return Marched(space, code, system.seconds() - began, time.perf_counter() - wall)
 
     def march_pieces(
         self, integrator: Integrator, steps: Steps, ground: Array | None, *, every: int
@@ -363,18 +378,69 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         space = self._ready(integrator, h, 0, collapse_drift)
-        rest = rest or Rest()
-        n = self.building.stories
-        marched = MarchedRuns.empty(len(runs), n)
-        table = np.array([(*run[:3], run.steps.count, run.steps.per_sample, run.steps.stride) for run in runs], float)
+        marched = MarchedRuns.empty(len(runs), self.building.stories)
+        self._many(integrator, h, samples, runs, space)(runs, marched, rest or _NO_REST)
+        return marched
+
+    def march_drawn(
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[tuple[int, Lane]],
+        drawn: DrawnBuildings,
+        *,
+        collapse_drift: float = math.inf,
+    ) -> MarchedRuns:
+        """Integrate runs of buildings that differ from this one in numbers: each is the one that `march` makes of it.
+
+        All of them share one set of arrays, in which the numbers are changed from run to run.
+
+        Parameters
+        ----------
+        samples : ndarray
+            Ground accelerations of all runs, one after the other, m/s^2.
+        runs : sequence of (int, Lane)
+            The number of each one's building, and its motion, factor and steps.
+        drawn : DrawnBuildings
+            The buildings; the method's coefficients do not hang on them.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        marched = MarchedRuns.empty(len(runs), self.building.stories)
+        lanes = [lane for _, lane in runs]
+        fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
+        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
+        for r, (d, lane) in enumerate(runs):
+            # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal damping.
+            kind = devices[d], len(drawn.modal[d])
+            if kind not in shared:
+                arrays = drawn.linear_terms[d].copy(), drawn.law_parameters[d].copy(), drawn.modal[d].copy()
+                names = ("linear_terms", "law_parameters", "modal")
+                building = replace(self.building, **dict(zip(names, arrays, strict=True)))
+                prepared = replace(self, building=building)
+                space = prepared._ready(integrator, h, 0, collapse_drift)
+                shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
+            prepared, space, go = shared[kind]
+            prepared.building.linear_terms[...] = drawn.linear_terms[d]
+            prepared.building.law_parameters[...] = drawn.law_parameters[d]
+            prepared.building.modal[...] = drawn.modal[d]
+            space.flags[at.FAST] = fast[d]
+            space.limits[1] = drawn.heights[d]
+            go([lane], marched.part(r, r + 1))
+        return marched
+
+    def _many(
+        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[Lane], space: Workspace
+    ) -> Callable[..., None]:
+        """The compiled loop over some of the runs with all its arrays: takes those, where to leave what, and a rest."""
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
+        before = *(one.variant(self.variant) for one in called), HALVINGS if integrator.family.halvable else 0, h
         building = self.building
-        many.compiled(
-            *(one.variant(self.variant) for one in called),
-            HALVINGS if integrator.family.halvable else 0,
-            h,
-            samples,
-            table,
+        behind = (
             self.coefficients(integrator, h),
             shifts(integrator, h),
             *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
@@ -385,12 +451,19 @@ class PreparedBuilding:
             np.zeros(max(run.size for run in runs)),
             space.watch,
             space.limits,
-            np.zeros(n),
+            np.zeros(building.stories),
             space.history,
-            *(rest.window, rest.windows, rest.quiet),
-            *(marched.peaks, marched.drifts, marched.totals, marched.ends),
         )
-        return marched
+
+        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = _NO_REST) -> None:
+            table = [(*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride) for lane in lanes]
+            many.compiled(
+                *(*before, samples, np.array(table, float), *behind),
+                *(rest.window, rest.windows, rest.quiet),
+                *(marched.peaks, marched.drifts, marched.totals, marched.ends),
+            )
+
+        return go
 
     def march_each(
         self,
@@ -446,6 +519,10 @@ class PreparedBuilding:
         """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
         check_suited(integrator, self.building)
         self.compile([integrator])
+        return self.arrays(integrator, h, rows, collapse_drift)
+
+    def arrays(self, integrator: Integrator, h: float, rows: int, collapse_drift: float = math.inf) -> Workspace:
+        """The arrays of a march with steps h (s) in the initial state, with so many rows of its history."""
         space = workspace(self.building, integrator, rows, collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity
@@ -494,3 +571,50 @@ class PreparedBuilding:
                 return code
             seconds = time.perf_counter() - began
             done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))
+
+
+# ---- Which kernels analyses call, to compile them ahead
+
+
+def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
+    """What a run of a model calls with all its tables, and a cyclic test of its stories."""
+    prepared = PreparedBuilding.of(model)
+    apart = kernels_apart(prepared.building.law_parameters)
+    others = (peaks, *apart)
+    return [*kernels(integrator, prepared.variant), (follow, prepared.variant), *((one, EVERYTHING) for one in others)]
+
+
+def of_everything() -> list[tuple[Kernel, Variant]]:
+    """All kernels, each for all scenes."""
+    steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
+    families = {parse(name).family.name: parse(name).family for name in catalogue()}
+    steps += [(one.with_error.step, EVERYTHING) for one in families.values() if one.with_error]
+    others = (many, march_in_strides, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    return [*steps, *((kernel, EVERYTHING) for kernel in others)]
+
+
+def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:
+    """Compile the time loops that a run of a model calls, which its first run else does.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+    method : str, optional
+        In place of the model's.
+
+    Returns
+    -------
+    list of Path
+        The files that were written; none where all of it was compiled already.
+
+    Raises
+    ------
+    ModelError, UsageError
+        The model is none; an unknown method.
+    OutputError
+        The files cannot be written.
+    """
+    building = model_of(model)
+    integrator = parse(method or building.analysis.method or DEFAULT_METHOD)
+    return compile_ahead(of_model(building, integrator), ("native",), None, lambda done: None)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from pathlib import Path
 
-from tdint.analysis.given import number_of, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
-from tdint.analysis.run.error_estimate import checked_run
+from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import Steps
 from tdint.errors import UsageError
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.read import read_record
@@ -97,8 +96,8 @@ class Subject:
 
 
 def run(
-    model: Model | str | Path,
-    record: Record | str | Path | None = None,
+    model: AnyModel,
+    record: AnyRecord | None = None,
     *,
     method: str | None = None,
     dt: float | None = None,
@@ -161,8 +160,8 @@ def run(
 
 
 def prepare(
-    model: Model | str | Path,
-    record: Record | str | Path | None = None,
+    model: AnyModel,
+    record: AnyRecord | None = None,
     *,
     method: str | None = None,
     allow_unstable: bool = False,
@@ -170,7 +169,23 @@ def prepare(
     """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 
     The building is assembled, and what a method needs of it found, once for all cases that are made of this one by
-    `Case.scaled` and `Case.under`. Parameters and errors are those of `run`.
+    `Case.scaled` and `Case.under`.
+
+    Parameters
+    ----------
+    model, record, method, allow_unstable
+        As of `run`.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    UsageError
+        An unknown method.
+    ModelError, RecordError
+        The model or the record is none.
     """
     model = model_of(model)
     if not isinstance(method, str | None):
@@ -193,13 +208,35 @@ def run_case(
     until_rest: bool = False,
     equal: bool = False,
 ) -> Response:
-    """Integrate a case in time. Parameters and errors are those of `run`; `equal`: steps for a tolerance, too."""
+    """Integrate a case in time.
+
+    Parameters
+    ----------
+    case : Case
+        From `prepare`.
+    dt, duration, history, check, tolerance, until_rest
+        As of `run`.
+    equal : bool
+        Steps that are equally long for a tolerance, too.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    UsageError
+        No case; a step that does not fit, or a tolerance that is none.
+    AnalysisError
+        As by `run` (`FailedRun`).
+    """
     case = case_of(case)
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h
         response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance, equal=equal)
+        response = ended_at_rest(response)
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step

@@ -20,7 +20,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, told_by_finer, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
-from tdint.analysis.run.steps import MOST_STEPS, Bound, Steps, choose_steps, finer
+from tdint.analysis.run.workspace import MOST_STEPS, Bound, Steps, choose_steps, finer
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
@@ -92,10 +92,10 @@ def choose_step(
     _check(tolerance)
     why = ""
     if dt is None and case.model.analysis.dt is None:
-        found = _on_the_way(case, tolerance, duration, equal or history)
-        if isinstance(found, Response):
-            return found
-        why = found
+        chosen = _on_the_way(case, tolerance, duration, equal or history)
+        if isinstance(chosen, Response):
+            return chosen
+        why = chosen
     search, level = _searched(case, tolerance, dt, duration, math.inf)
     response = search.taken(level, history)
     return replace(response, notes=(*response.notes, why)) if why else response
@@ -183,7 +183,7 @@ def _samples(case: Case, asked: Steps, per_period: float) -> int:
     power = max(0, math.floor(math.log2(max(period / per_period / asked.h, 1.0))))
     while power and asked.count >> power < 2:
         power -= 1
-    while power and not case.allow_unstable and case.prepared.instability(case.integrator, asked.h * 2**power):
+    while power and not case.allow_unstable and case.prepared.instability(case.method, asked.h * 2**power):
         power -= 1
     return power
 
@@ -211,16 +211,16 @@ class _Search:
 
     def checked(self, level: int) -> Response | FailedRun:
         """The response of a level with its estimated errors."""
-        own = self._telling(level)
-        if isinstance(own, FailedRun):
-            return own
-        if own is not None:
-            reason = doubt(own, self.case.building)
+        run = self._telling(level)
+        if isinstance(run, FailedRun):
+            return run
+        if run is not None:
+            reason = doubt(run, self.case.building)
             others = map(self._telling, range(level + 1, level + FINER + 1))
-            return told_by_finer(own, (one for one in others if one is not None), reason) if reason else own
-        for one in range(level, level + FINER + 1):
-            if one not in self.runs:
-                self.runs[one] = attempt(self.case, self.steps(one))
+            return told_by_finer(run, (one for one in others if one is not None), reason) if reason else run
+        for finer_level in range(level, level + FINER + 1):
+            if finer_level not in self.runs:
+                self.runs[finer_level] = attempt(self.case, self.steps(finer_level))
         response = self.runs[level]
         if isinstance(response, FailedRun):
             return response
@@ -236,8 +236,8 @@ class _Search:
     def within(self, level: int) -> bool:
         """Whether a level is within the tolerance. Of a run that says only that its step is too long nobody asks how
         much, where that is beyond the tolerance."""
-        own = self._telling(level)
-        error = own.check.drift_error if isinstance(own, Response) and own.check else None
+        run = self._telling(level)
+        error = run.check.drift_error if isinstance(run, Response) and run.check else None
         if error is not None and self.tolerance <= TOLD and not error <= TOLD:
             return False
         response = self.checked(level)
@@ -268,23 +268,23 @@ class _Search:
 
     def taken(self, level: int, history: bool) -> Response:
         """The response of a level, over the time that was asked for."""
-        found = self.checked(level)
-        assert isinstance(found, Response) and found.check is not None
+        checked = self.checked(level)
+        assert isinstance(checked, Response) and checked.check is not None
         steps = self.steps(level)
         # All levels end with whole steps of the coarsest one, which may be after the time that was asked for.
         end = self.asked.count * self.asked.h
         steps = replace(steps, count=min(steps.count, math.ceil(end / steps.h * (1.0 - _SAME))))
-        kept = found
+        kept = checked
         if steps.count != self.steps(level).count:
             kept = checked_run(self.case, steps, history)
         elif history:
-            kept = replace(self.case.march(steps, history), check=found.check)
-        own = self.runs.get(self.power)  # with the record's step
+            kept = replace(self.case.march(steps, history), check=checked.check)
+        usual = self.runs.get(self.power)  # with the record's step
         choice = StepChoice(
             tolerance=self.tolerance,
             runs=len(self.runs),
             samples=steps.stride / steps.per_sample if self.case.record else None,
-            solves_at_record=own.iterations if isinstance(own, Response) else None,
+            solves_at_record=usual.iterations if isinstance(usual, Response) else None,
         )
         assert kept.check is not None
         return replace(kept, check=replace(kept.check, choice=choice))
@@ -300,7 +300,7 @@ def _not_reached(case: Case, response: Response, tolerance: float) -> FailedRun:
             f"{100.0 * check.drift_error:.2g} %"
         )
     message = (
-        f"{case.integrator.label} does not come within {100.0 * tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
+        f"{case.method.label} does not come within {100.0 * tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
         "allow a larger tolerance or use a method of higher order, such as impulse4"
     )
-    return FailedRun(message, "not-within-tolerance", case.integrator.label, response.dt, story=check.drift_story)
+    return FailedRun(message, "not-within-tolerance", case.method.label, response.dt, story=check.drift_story)

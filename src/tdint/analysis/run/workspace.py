@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.errors import AnalysisError
+from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
-from tdint.kernels.bundles import Memory, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
+from tdint.kernels.march.observing import begin, raise_shears, take_stock
+from tdint.kernels.stepping import Memory, Scene, Seen
 from tdint.methods.method import Integrator
-from tdint.model.building import Building
-from tdint.model.laws import CODES, LAWS
+from tdint.model.building import Building, oscillators
+from tdint.model.definition import CODES, LAWS
 from tdint.system import available_memory
 
 HALVINGS = 8
@@ -97,7 +100,13 @@ def workspace(
     flags[at.DEVICES] = building.damped_by_devices
     width = history_width(building, integrator)
     if rows:
-        _check_room(rows, width)
+        # All of it is held in memory, and its results beside it.
+        needed, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
+        if needed > free:
+            raise AnalysisError(
+                f"a history of {rows} rows takes {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take "
+                "fewer steps, or write the history to a file, which takes it in pieces"
+            )
     totals = np.zeros(at.TOTALS_SIZE)
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
@@ -118,15 +127,6 @@ def history_width(building: Building, integrator: Integrator) -> int:
     """Numbers in a row of the history."""
     fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if integrator.family.carries_error else 0)
     return 1 + fields * building.stories + at.ENERGY_TERMS
-
-
-def _check_room(rows: int, width: int) -> None:
-    wanted, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
-    if wanted > free:
-        raise AnalysisError(
-            f"a history of {rows} rows takes {wanted / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take fewer "
-            "steps, or write the history to a file, which takes it in pieces"
-        )
 
 
 def doubled_laws(building: Building, integrator: Integrator) -> Array:
@@ -152,9 +152,9 @@ def _branches(building: Building) -> int:
     return at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
 
 
-def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:
+def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
     """The kernels that a march calls, those first that take the longest to compile."""
-    return [(kernel, wanted) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
+    return [(kernel, variant) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
 
 
 def shifts(integrator: Integrator, h: float) -> Array:
@@ -175,3 +175,238 @@ def check_suited(integrator: Integrator, building: Building) -> None:
         raise AnalysisError(f"{integrator.label} integrates linear buildings only; this one has nonlinear stories")
     if building.power_damped and not integrator.family.power_dampers:
         raise AnalysisError(f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do")
+
+
+# ---- Amplification matrices measured on the compiled steps, and the stability that follows from them
+
+LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
+"""What the kernels need for them."""
+
+STABLE = 1e-9
+"""A spectral radius above 1 by less than this counts as 1: rounding."""
+
+_SETTLED = 100.0  # steps done as a multi-step method sees it: past its start
+
+# Oscillators in one building where the step's coefficients belong to the whole building: their matrix is dense, and
+# LAPACK mixes the modes of uncoupled oscillators from 26 on.
+_TOGETHER = 16
+
+
+def amplification(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
+    """Amplification matrices of undriven oscillators over one step h (s), by stepping each row of the method's memory.
+
+    Parameters
+    ----------
+    omega, damping : ndarray, shape (k,)
+        Circular frequencies (rad/s) and damping ratios.
+
+    Returns
+    -------
+    ndarray, shape (k, m, m)
+        m is the number of memory rows of the family; units as in the state.
+    """
+    omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
+    if integrator.family.prepare is not None:
+        starts = range(0, max(omega.size, 1), _TOGETHER)
+        groups = [oscillators(omega[j : j + _TOGETHER], damping[j : j + _TOGETHER]) for j in starts]
+        return np.concatenate([_amplification(integrator, group, h) for group in groups])
+    return _amplification(integrator, oscillators(omega, damping), h)
+
+
+def _amplification(integrator: Integrator, building: Building, h: float) -> Array:
+    memory = integrator.family.memory
+    k = building.stories
+    forces = np.zeros((0, 4))
+    coefficients = integrator.coefficients(building, forces, h)
+    step = integrator.family.step.variant(LINEAR_OSCILLATORS)
+    space = workspace(building, integrator)
+    scene = Scene(building.linear_terms, building.modal, building.law_parameters, forces, space.flags)
+    result = np.empty((k, len(memory), len(memory)))
+    for column, row in enumerate(memory):
+        space.state[:] = 0.0
+        space.state[row, :k] = 1.0
+        _settle(building, space.state, space.springs, at.ACCELERATION in memory)
+        space.report[at.STEPS_DONE] = _SETTLED
+        code = step(coefficients, *scene, h, np.zeros(at.LOAD_SIZE), *space.memory)
+        if code < 0:
+            raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
+        result[:, :, column] = space.state[list(memory), :k].T
+    return result
+
+
+def _settle(building: Building, state: Array, springs: Array, carries_acceleration: bool) -> None:
+    """Committed springs, and the acceleration of equilibrium where the method does not carry its own."""
+    u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
+    springs[:] = 0.0
+    springs[at.DRIFT, :-1] = u
+    springs[at.FORCE, :-1] = building.initial_stiffness * u
+    springs[at.SLOPE, :-1] = building.initial_stiffness
+    springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
+    if not carries_acceleration:
+        state[at.ACCELERATION, :-1] = -building.initial_stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+
+
+def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
+    """Spectral radii of the measured amplification matrices, shape (k,)."""
+    matrices = amplification(integrator, omega, damping, h)
+    # Balance the rows: the state mixes m, m/s and m/s^2.
+    family = integrator.family
+    scale = np.array([h ** family.derivatives[row] for row in family.memory])
+    matrices = matrices * scale[:, None] / scale
+    return np.asarray(np.max(np.abs(np.linalg.eigvals(matrices)), axis=1))
+
+
+@dataclass(frozen=True)
+class Instability:
+    """An oscillator that grows with a step h (s): its index, and whether all are stable with another step."""
+
+    index: int
+    h: float
+    stable: Callable[[float], bool] = field(compare=False)
+
+    @cached_property
+    def largest_stable(self) -> float:
+        """The largest stable step below h (0: none), s: some 150 measurements, made for who asks."""
+        return largest_stable(self.stable, self.h)
+
+
+def find_instability(integrator: Integrator, omega: Array, damping: Array, h: float) -> Instability | None:
+    """Whether a step h (s) is beyond the method's limit for one of some oscillators; the stiffest such one.
+
+    A method that is unconditionally stable is not measured.
+    """
+    if integrator.stability_limit == math.inf:
+        return None
+
+    def unstable(step: float) -> NDArray[np.bool_]:
+        return spectral_radius(integrator, omega, damping, step) > 1.0 + STABLE
+
+    grows = np.flatnonzero(unstable(h))
+    if not grows.size:
+        return None
+    stiffest = grows[np.argmax(omega[grows])]
+    return Instability(int(stiffest), h, lambda step: not unstable(step).any())
+
+
+def largest_stable(stable: Callable[[float], bool], h: float, parts: int = 200) -> float:
+    """End of the first range of stable steps, searched upward in (0, h] and bisected, rounded down; 0 for none, s."""
+    low, high = 0.0, h
+    for part in range(1, parts + 1):
+        candidate = h * part / parts
+        if not stable(candidate):
+            high = candidate
+            break
+        low = candidate
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low if low > 1e-9 * h else 0.0
+
+
+# ---- Which time steps an analysis may take
+
+_SAME = 1e-9  # steps that differ by less than this part are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """What strides are chosen by on the way (`tdint.kernels.march.strides`).
+
+    Attributes
+    ----------
+    allowed : float
+        What a stride may miss; the error of a run goes with it.
+    drifts : ndarray, shape (n,)
+        What the peak drifts of the stories are taken for at least, m.
+    """
+
+    allowed: float
+    drifts: Array
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
+
+    They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count` so many may be
+    `done`.
+
+    With a `bound` these are units: steps of 1, 2, 4 ... `stride` of them are chosen on the way, and `per_sample` are a
+    sampling interval.
+    """
+
+    h: float
+    count: int
+    per_sample: int = 1
+    stride: int = 1
+    end: float = field(default=math.inf, compare=False)
+    done: int = 0
+    bound: Bound | None = field(default=None, compare=False)
+
+    @property
+    def late(self) -> float:
+        """How long after the time that was asked for the last step ends, s."""
+        return max(self.count * self.h - self.end, 0.0)
+
+
+MOST_STEPS = 1_000_000_000
+"""Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run for years."""
+
+
+def choose_steps(dt: float | None, duration: float | None, record_dt: float | None, record_duration: float) -> Steps:
+    """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt` None).
+
+    A step divides the record's sampling interval or is a whole multiple of it. The last step ends at the duration or
+    after.
+
+    Raises
+    ------
+    UsageError
+        No dt or duration where there is no record to take it from; a dt that does not fit the record; too many steps.
+    """
+    if record_dt is None:
+        if dt is None:
+            raise UsageError("no time step: without a record, give --dt or analysis.dt in the model file")
+        if duration is None:
+            raise UsageError("no duration: without a record, give --duration or analysis.duration in the model file")
+        return Steps(dt, _count(duration, dt), end=duration)
+    if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
+        raise UsageError(f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s")
+    duration = record_duration if duration is None else duration
+    if dt is None:
+        return Steps(record_dt, _count(duration, record_dt), end=duration)
+    for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
+        whole = round(ratio)
+        if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
+            h = record_dt / whole if per_sample else record_dt * whole
+            return Steps(h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration)
+    below, above = _neighbours(dt, record_dt)
+    raise UsageError(
+        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: "
+        f"the nearest steps are {below:.12g} and {above:.12g} s"
+    )
+
+
+def _count(duration: float, h: float) -> int:
+    count = duration / h * (1.0 - _SAME)
+    if not count <= MOST_STEPS:
+        raise UsageError(
+            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most {MOST_STEPS:.0e} are taken; "
+            "use a longer dt or a shorter duration"
+        )
+    return max(1, math.ceil(count))
+
+
+def _neighbours(dt: float, record_dt: float) -> tuple[float, float]:
+    if dt > record_dt:
+        whole = math.floor(dt / record_dt)
+        return record_dt * whole, record_dt * (whole + 1)
+    whole = math.floor(record_dt / dt)
+    return record_dt / (whole + 1), record_dt / whole
+
+
+def finer(steps: Steps) -> Steps:
+    """Half the step over the same time."""
+    if steps.per_sample == 1 and steps.stride % 2 == 0:
+        return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
+    return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)

@@ -9,20 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.defaults import HEIGHT_PERIOD, STORY_HEIGHT
-from tdint.analysis.given import damping_of, numbers_of, record_of
+from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
+from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, recursion_table
 from tdint.analysis.spectra.inelastic import SHORTEST
-from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.tabular import Tabular
+from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
 MOST_STORIES = 1000
@@ -62,37 +63,30 @@ class HeightPeriod:
 
 @dataclass(frozen=True, repr=False)
 class DriftSpectrum(Tabular):
-    """Drift spectrum of one record for one damping ratio.
+    """Drift spectrum of one record for one damping ratio; arrays of shape (k,).
 
-    Attributes
-    ----------
-    periods, heights : ndarray, shape (k,)
-        Fundamental periods, s, and heights of the buildings, m.
-    stories : ndarray of int, shape (k,)
-        Number of stories; 0 for the continuous shear beam.
-    peak_drift_ratio : ndarray, shape (k,)
-        Largest story drift over the story's height of all stories; of the beam the drift at its base.
-    story : ndarray of int, shape (k,)
-        The story where that is, from 1; 0 for the beam.
-    roof_drift_ratio : ndarray, shape (k,)
-        Largest displacement of the roof relative to the ground, over the height.
+    Of the continuous shear beam `stories` and `story` are 0, and the peak is the drift at its base.
     """
 
     record: Record
-    damping: float
-    periods: Array
-    heights: Array
+    damping: DampingRatio
+    periods: Annotated[Array, Quantity("s", "fundamental period", called="period")]
+    heights: Annotated[Array, Quantity("m", "height of the building", called="height")]
     stories: NDArray[np.int64]
-    peak_drift_ratio: Array
-    story: NDArray[np.int64]
-    roof_drift_ratio: Array
+    peak_drift_ratio: Annotated[Array, Quantity("1", "largest story drift over story height")]
+    story: Annotated[
+        NDArray[np.int64], Quantity("1", "where that is, from 1", lambda one: np.where(one.story > 0, one.story, None))
+    ]
+    roof_drift_ratio: Annotated[
+        Array, Quantity("1", "largest roof displacement relative to the ground, over the height")
+    ]
 
     def _headline(self) -> str:
         return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
 
 def drift_spectrum(
-    record: Record | str | Path,
+    record: AnyRecord,
     periods: Array,
     damping: float = 0.05,
     *,
@@ -125,6 +119,11 @@ def drift_spectrum(
     beam : bool
         The continuous shear beam instead of stories: its drift at the base (Iwan 1997), with the same damping ratio in
         all modes. Without damping that is Iwan's sum of waves, |v(t) - 2 v(t - T/2) + 2 v(t - T) - ...| / (4 H / T).
+
+    Returns
+    -------
+    DriftSpectrum
+        Largest drift ratios of the stories at each period, shape (k,).
 
     Raises
     ------
@@ -163,15 +162,15 @@ def number_of_stories(heights: Array, stories: int | None, story_height: float) 
     if stories is None:
         if not 0.0 < story_height < math.inf:
             raise UsageError(f"the story height must be a positive number of meters, got {story_height!r}")
-        wanted = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
+        counts = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
     else:
-        wanted = np.full(heights.size, float(stories))
-    if not (wanted.min() >= 1.0 and wanted.max() <= MOST_STORIES):
+        counts = np.full(heights.size, float(stories))
+    if not (counts.min() >= 1.0 and counts.max() <= MOST_STORIES):
         raise UsageError(
-            f"a building of {wanted.max():.6g} stories, {heights.max():.6g} m high, is asked for; 1 to {MOST_STORIES} "
+            f"a building of {counts.max():.6g} stories, {heights.max():.6g} m high, is asked for; 1 to {MOST_STORIES} "
             "are taken: ask for shorter periods, higher stories or one number of stories"
         )
-    return wanted.astype(np.int64)
+    return counts.astype(np.int64)
 
 
 @dataclass(frozen=True)

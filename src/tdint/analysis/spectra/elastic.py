@@ -3,34 +3,180 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tdint.analysis.given import damping_of, numbers_of, record_of
-from tdint.analysis.spectra.oscillators import (
-    EXACT,
-    INTERPOLATED,
-    MAXIMA,
-    Maxima,
-    check_shortest,
-    largest,
-    recursion_table,
-)
+from tdint.analysis.defaults import STEPS_PER_PERIOD
+from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
+from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
-from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21
+from tdint.kernels.oscillators import elastic as spectra
+from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
+from tdint.methods.exact import oscillator
 from tdint.tabular import Tabular
+from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
     from tdint.model.building import Building
 
+
+# ---- Largest response of many oscillators to one ground motion: the exact recursion in steps as short as each needs
+
+Parts = NDArray[np.int64]
+
+_ASKED = ("asked",)
+DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
+Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
+MaximaName = Annotated[str, Quantity("text", "where the largest values were looked for", shown=_ASKED)]
+InterpolationName = Annotated[str, Quantity("text", "the ground motion between its samples", shown=_ASKED)]
+"""What all spectra declare alike; the last two are columns where they are asked for."""
+
+_LANES = 56  # oscillators marched together at most: their numbers stay in the processor's first cache
+_REGISTER = 8  # numbers that the processor handles at once
+_ROUNDING = 1e-9
+
+
+def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
+    """Exact steps h (s, shape (k,)) of oscillators with omega (rad/s, shape (k,)) and a damping ratio.
+
+    Returns
+    -------
+    ndarray, shape (RECURSION_ROWS + more, k)
+        The rows of `tdint.kernels.oscillators.between`, and room for so many `more`.
+    """
+    steps = oscillator(omega * h, np.full_like(omega, damping))
+    table = np.empty((RECURSION_ROWS + more, omega.size))
+    for row, first in ((0, A11), (1, A21)):
+        table[first : first + 4] = steps[:, row].T
+    table[A12] *= h
+    table[A21] /= h
+    table[[B10, B11]] *= h * h
+    table[[B20, B21]] *= h
+    return table
+
+
+def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "") -> None:
+    """Refuse periods (s) that are not 0 and below `least` times the sampling interval dt (s).
+
+    Raises
+    ------
+    AnalysisError
+        Such a period; the message ends with what to do `otherwise`.
+    """
+    shortest = float(np.min(periods[periods > 0.0]))
+    if shortest < least * dt:
+        raise AnalysisError(
+            f"the period {shortest:.6g} s is less than {least:g} sampling intervals of {dt:.6g} s; ask for periods "
+            f"from {least * dt:.6g} s on{otherwise}"
+        )
+
+
+@dataclass(frozen=True)
+class Maxima:
+    """Where the largest values are looked for.
+
+    Attributes
+    ----------
+    name : str
+        Its name on the command line and in tables.
+    parts : callable
+        Parts into which the sampling interval is divided, shape (k,), from omega (rad/s, shape (k,)) and the interval
+        (s).
+    between : bool
+        Whether also between the ends of these parts.
+    words : str
+        Where that is, for a sentence.
+    """
+
+    name: str
+    parts: Callable[[Array, float], Parts]
+    between: bool
+    words: str
+
+
+def _resolving(omega: Array, dt: float) -> Parts:
+    """omega h <= 1, which the search between the steps' ends relies on; powers of two, so that many march together."""
+    return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
+
+
+def _ten_per_period(omega: Array, dt: float) -> Parts:
+    periods = 2.0 * math.pi / omega
+    return np.ceil(STEPS_PER_PERIOD * dt / periods * (1.0 - _ROUNDING)).astype(np.int64)
+
+
+def _whole(omega: Array, dt: float) -> Parts:
+    return np.ones(omega.shape, dtype=np.int64)
+
+
+EXACT = Maxima("exact", _resolving, between=True, words="between them, too")
+PEER = Maxima("peer", _ten_per_period, between=False, words=f"at {STEPS_PER_PERIOD} or more steps per period")
+SAMPLES = Maxima("samples", _whole, between=False, words="at the samples only")
+INTERPOLATED = Maxima("interpolated", _whole, between=True, words="between them, too, on the method's own motion")
+MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
+
+
+def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
+    """Largest relative displacement (m) and velocity (m/s) and absolute acceleration (m/s^2), shape (3, k).
+
+    Parameters
+    ----------
+    ground : ndarray, shape (samples,)
+        Ground acceleration, m/s^2, linear between samples dt (s) apart; the oscillators are at rest at the first one
+        and watched until the last.
+    omega : ndarray, shape (k,)
+        Natural circular frequencies, rad/s.
+    damping : float
+        Damping ratio, in [0, 1).
+    """
+    result = np.empty((spectra.PEAKS, omega.size))
+    for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
+        lanes = _lanes(chosen.size)
+        peaks = np.empty((spectra.PEAKS, chosen.size))
+        scratch = spectra.scratch(ground.size, parts, lanes)
+        spectra.peaks.compiled(ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch)
+        result[:, chosen] = peaks
+    return result
+
+
+def groups(
+    omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
+) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
+    """Oscillators whose sampling interval is divided into the same number of parts: their places, that number, a table.
+
+    The table is the kernel's, the last oscillator repeated to fill a multiple of `lanes` columns: that many of so many
+    oscillators march together.
+    """
+    parts = maxima.parts(omega, dt)
+    table = _table(omega, damping, dt / parts)
+    for count in np.unique(parts).tolist():
+        chosen = np.flatnonzero(parts == count)
+        columns = np.append(chosen, np.full(-chosen.size % lanes(chosen.size), chosen[-1]))
+        yield chosen, count, table.take(columns, axis=1)
+
+
+def _lanes(count: int) -> int:
+    """How many of `count` oscillators march together: whole registers, in equal groups."""
+    alike = -(-count // _LANES)
+    return -(-count // (alike * _REGISTER)) * _REGISTER
+
+
+def _table(omega: Array, damping: float, h: Array) -> Array:
+    """The kernel's table of oscillators for steps h (s), shape (COEFFICIENTS, k)."""
+    table = recursion_table(omega, h, damping, more=2)
+    table[spectra.BY_DISPLACEMENT] = omega**2
+    table[spectra.BY_VELOCITY] = 2.0 * damping * omega
+    return table
+
+
+# ---- Elastic
 
 Choice = TypeVar("Choice")
 
@@ -42,35 +188,23 @@ OR_ZERO = ", or for 0: the peak ground acceleration"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Spectrum(Tabular):
-    """Elastic response spectrum of one record for one damping ratio.
+    """Elastic response spectrum of one record for one damping ratio; arrays of shape (k,).
 
-    Attributes
-    ----------
-    method : str
-        `exact`, or the method that integrated the oscillators.
-    periods : ndarray, shape (k,)
-        Periods, s.
-    sd, sv, sa : ndarray, shape (k,)
-        Largest relative displacement (m), relative velocity (m/s) and absolute acceleration (m/s^2).
-    psv, psa : ndarray, shape (k,)
-        Pseudo-velocity omega sd (m/s) and pseudo-acceleration omega^2 sd (m/s^2).
-    maxima : str
-        Where they were looked for: a name of `MAXIMA`.
-    interpolation : str
-        The ground motion between its samples: a name of `INTERPOLATIONS`.
+    `method` is `exact`, or the method that integrated the oscillators; `maxima` and `interpolation` are names of
+    `MAXIMA` and `INTERPOLATIONS`.
     """
 
     record: Record
-    damping: float
+    damping: DampingRatio
     method: str
-    periods: Array
-    sd: Array
-    psv: Array
-    psa: Array
-    sv: Array
-    sa: Array
-    maxima: str = EXACT.name
-    interpolation: str = LINEAR.name
+    periods: Periods
+    sd: Annotated[Array, Quantity("m", "largest displacement relative to the ground")]
+    psv: Annotated[Array, Quantity("m/s", "pseudo-velocity, omega sd")]
+    psa: Annotated[Array, Quantity("m/s^2", "pseudo-acceleration, omega^2 sd")]
+    sv: Annotated[Array, Quantity("m/s", "largest velocity relative to the ground")]
+    sa: Annotated[Array, Quantity("m/s^2", "largest absolute acceleration")]
+    maxima: MaximaName = EXACT.name
+    interpolation: InterpolationName = LINEAR.name
 
     def _headline(self) -> str:
         return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
@@ -86,7 +220,7 @@ class SpectrumSettings:
 
 
 def spectrum(
-    record: Record | str | Path,
+    record: AnyRecord,
     periods: Array,
     damping: float = 0.05,
     *,
@@ -119,7 +253,7 @@ def spectrum(
     -------
     Spectrum
         Exact maxima are those of the motion between its samples, with a relative error below 1e-8 (measured) if it is
-        linear. The error of the band-limited motion is told in `tdint.ground_motion.interpolation`.
+        linear. The error of the band-limited motion is told in `tdint.ground_motion.processing_steps`.
 
     Raises
     ------
@@ -159,28 +293,33 @@ def spectrum(
 
 @dataclass(frozen=True)
 class OscillatorMotion:
-    """Motion of an oscillator under a record, at its samples.
-
-    Attributes
-    ----------
-    damping, periods : float
-        Damping ratio; natural period, s.
-    displacement, velocity : ndarray, shape (samples,)
-        Relative to the ground, m and m/s.
-    acceleration : ndarray, shape (samples,)
-        Absolute, m/s^2.
-    """
+    """Motion of an oscillator under a record, at its samples; arrays of shape (samples,)."""
 
     record: Record
-    damping: float
-    periods: float
-    displacement: Array
-    velocity: Array
-    acceleration: Array
+    damping: DampingRatio
+    periods: Annotated[float, Quantity("s", "natural period", called="period")]
+    displacement: Annotated[Array, Quantity("m", "relative to the ground")]
+    velocity: Annotated[Array, Quantity("m/s", "relative to the ground")]
+    acceleration: Annotated[Array, Quantity("m/s^2", "absolute", called="absolute_acceleration")]
+
+    columns: ClassVar = (
+        "damping",
+        "periods",
+        "time",
+        "ground_acceleration",
+        "displacement",
+        "velocity",
+        "acceleration",
+    )
 
     @property
-    def time(self) -> Array:
-        """Time from the first sample, s."""
+    def ground_acceleration(self) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
+        """Of the record."""
+        return self.record.acceleration
+
+    @property
+    def time(self) -> Annotated[Array, Quantity("s", "time from the first sample")]:
+        """From 0."""
         return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
 
 
@@ -257,9 +396,9 @@ def _parse(method: str) -> Integrator:
     return parse(method)
 
 
-def _named(table: dict[str, Choice], name: str, what: str) -> Choice:
+def _named(table: dict[str, Choice], name: str, quantity: str) -> Choice:
     if name not in table:
-        raise UsageError(f"{what} must be one of {', '.join(table)}, got {name!r}")
+        raise UsageError(f"{quantity} must be one of {', '.join(table)}, got {name!r}")
     return table[name]
 
 
@@ -274,19 +413,18 @@ def _largest(record: Record, omega: Array, damping: float, settings: SpectrumSet
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
     """Largest values, all oscillators integrated side by side by a method of the catalogue."""
     # Late: they load every method, and most spectra need none.
-    from tdint.analysis.run.amplification import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
-    from tdint.analysis.run.steps import Steps
+    from tdint.analysis.run.workspace import Steps, find_instability
     from tdint.kernels import layout as at
     from tdint.model.building import oscillators
 
     integrator = _parse(method)
     ratios = np.full_like(omega, damping)
-    found = find_instability(integrator, omega, ratios, record.dt)
-    if found is not None:
+    instability = find_instability(integrator, omega, ratios, record.dt)
+    if instability is not None:
         raise AnalysisError(
             f"{integrator.label} is unstable at the record's step {record.dt:.6g} s for the period "
-            f"{2.0 * math.pi / omega[found.index]:.6g} s; ask for longer periods or use another method"
+            f"{2.0 * math.pi / omega[instability.index]:.6g} s; ask for longer periods or use another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
     marched = PreparedBuilding(oscillators(omega, ratios)).march(integrator, steps, record.acceleration.copy())

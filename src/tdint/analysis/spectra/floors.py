@@ -37,15 +37,15 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
     UsageError
         The building has no such floor.
     """
-    found = []
+    numbers = []
     for name in names:
         floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
         if not 1 <= floor <= stories:
             raise UsageError(
                 f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is the {ROOF}"
             )
-        found.append(floor)
-    return tuple(dict.fromkeys(found))
+        numbers.append(floor)
+    return tuple(dict.fromkeys(numbers))
 
 
 def floor_motion(response: Response, floor: int) -> Record:
@@ -91,6 +91,11 @@ def floor_spectra(
         s; 0 gives the largest absolute acceleration of the floor at the steps.
     damping : sequence of float
         Damping ratios.
+
+    Returns
+    -------
+    tuple of FloorSpectrum
+        One per floor and damping ratio.
 
     Raises
     ------

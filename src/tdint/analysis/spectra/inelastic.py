@@ -6,20 +6,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from tdint.analysis.defaults import MOST_DUCTILE
-from tdint.analysis.given import damping_of, numbers_of, record_of
-from tdint.analysis.spectra.elastic import checked_periods
-from tdint.analysis.spectra.oscillators import check_shortest
+from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
+from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, checked_periods
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
 from tdint.tabular import Tabular
-from tdint.units import STANDARD_GRAVITY
+from tdint.units import STANDARD_GRAVITY, Quantity
 from tdint.written_numbers import how_many
 
 SHORTEST = 1e-3
@@ -37,58 +36,49 @@ _CLOSE = 1e-9  # of the target: where the search has found it
 
 @dataclass(frozen=True, repr=False)
 class InelasticSpectrum(Tabular):
-    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or strength.
+    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or strength; arrays of
+    shape (k,).
 
-    Attributes
-    ----------
-    hardening : float
-        Stiffness after yielding over the initial one.
-    target : float or None
-        The ductility that was asked for; None for given strengths.
-    periods : ndarray, shape (k,)
-        Periods of the initial stiffness, s.
-    yield_displacement : ndarray, shape (k,)
-        Displacement at first yield, m.
-    sd : ndarray, shape (k,)
-        Largest relative displacement, m, from the first sample to the last and between them.
-    elastic_sd : ndarray, shape (k,)
-        That of the oscillator that stays elastic, m.
-    residual : ndarray, shape (k,)
-        Displacement at which the oscillator comes to rest after the record, m, with its sign; without damping the
-        center of the vibration that remains.
+    `target` is None for given strengths; `elastic_sd` is the largest displacement of the oscillator that stays elastic,
+    m; without damping `residual` is the center of the vibration that remains.
     """
 
     record: Record
-    damping: float
-    hardening: float
-    target: float | None
-    periods: Array
-    yield_displacement: Array
-    sd: Array
+    damping: DampingRatio
+    hardening: Annotated[float, Quantity("1", "stiffness after yielding over the initial one")]
+    target: Annotated[float | None, Quantity("1", "ductility asked for", called="target_ductility")]
+    periods: Annotated[Array, Quantity("s", "natural period of the initial stiffness", called="period")]
+    yield_displacement: Annotated[Array, Quantity("m", "displacement at first yield", called="yield_sd")]
+    sd: Annotated[Array, Quantity("m", "largest displacement relative to the ground")]
     elastic_sd: Array
-    residual: Array
+    residual: Annotated[Array, Quantity("m", "displacement at rest after the record, with its sign")]
+
+    columns: ClassVar = (
+        *("damping", "hardening", "target", "periods", "yield_strength_ratio", "ductility", "residual", "sd"),
+        *("yield_displacement", "yield_acceleration", "reduction_factor"),
+    )
 
     def _headline(self) -> str:
         return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
 
     @property
-    def ductility(self) -> Array:
-        """Largest over yield displacement; below 1 for an oscillator that does not yield, nan without strength."""
+    def ductility(self) -> Annotated[Array, Quantity("1", "largest over yield displacement")]:
+        """Below 1 for an oscillator that does not yield, nan without strength."""
         return _quotient(self.sd, self.yield_displacement)
 
     @property
-    def yield_acceleration(self) -> Array:
-        """Yield force over mass, omega^2 times the yield displacement, m/s^2."""
+    def yield_acceleration(self) -> Annotated[Array, Quantity("m/s^2", "yield force over mass", called="yield_psa")]:
+        """Omega^2 times the yield displacement, m/s^2."""
         return np.asarray((2.0 * math.pi / self.periods) ** 2 * self.yield_displacement)
 
     @property
-    def yield_strength_ratio(self) -> Array:
-        """Yield force over the weight (standard gravity)."""
+    def yield_strength_ratio(self) -> Annotated[Array, Quantity("1", "yield force over weight")]:
+        """By the standard gravity."""
         return self.yield_acceleration / STANDARD_GRAVITY
 
     @property
-    def reduction_factor(self) -> Array:
-        """Largest force of the elastic oscillator over the yield force."""
+    def reduction_factor(self) -> Annotated[Array, Quantity("1", "largest elastic force over yield force")]:
+        """Nan without strength."""
         return _quotient(self.elastic_sd, self.yield_displacement)
 
 
@@ -98,7 +88,7 @@ def _quotient(above: Array, below: Array) -> Array:
 
 
 def constant_ductility(
-    record: Record | str | Path,
+    record: AnyRecord,
     periods: Array,
     ductilities: Sequence[float],
     damping: float = 0.05,
@@ -151,21 +141,38 @@ def constant_ductility(
             strength = ratio * elastic[i]
             results[j, i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
     given = record, damping, hardening
-    found = {target: _columns(results[rising.index(target)], elastic) for target in ductilities}
-    return [InelasticSpectrum(*given, target, periods, *found[target]) for target in ductilities]
+    columns = {target: _columns(results[rising.index(target)], elastic) for target in ductilities}
+    return [InelasticSpectrum(*given, target, periods, *columns[target]) for target in ductilities]
 
 
 def constant_strength(
-    record: Record | str | Path,
+    record: AnyRecord,
     periods: Array,
     strengths: Sequence[float],
     damping: float = 0.05,
     *,
     hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
-    """Spectra of oscillators with given yield strength ratios, the yield force over the weight; one per ratio.
+    """Spectra of oscillators of given strengths.
 
-    Other parameters and errors are those of `constant_ductility`.
+    Parameters
+    ----------
+    record, periods, damping, hardening
+        As of `constant_ductility`.
+    strengths : sequence of float
+        Yield strength ratios, the yield force over the weight, positive.
+
+    Returns
+    -------
+    list of InelasticSpectrum
+        One per ratio.
+
+    Raises
+    ------
+    UsageError
+        A number that is out of range.
+    AnalysisError
+        A period is too short for the record's sampling interval.
     """
     record, damping = record_of(record), damping_of(damping)
     periods = _checked(record, periods, hardening)
@@ -275,22 +282,18 @@ def _bracket(ductility: Callable[[float], float], target: float, start: float) -
             if summit[1] >= target:
                 low, high = summit, before
         if low[1] >= target:
-            return _narrowed(ductility, target, low, high)
+            # The uppermost part of a bracket in which the target is reached, and not far exceeded.
+            while True:
+                for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
+                    point = (ratio, ductility(ratio))
+                    if point[1] >= target:
+                        low = point
+                        break
+                    high = point
+                if low[1] <= _STEEP * target or high[0] - low[0] <= 1e-13 * high[0]:
+                    return low, high
         before, high = high, low
     return high, high
-
-
-def _narrowed(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> tuple[Point, Point]:
-    """The uppermost part of a bracket in which the target is reached, and not far exceeded."""
-    while True:
-        for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
-            point = (ratio, ductility(ratio))
-            if point[1] >= target:
-                low = point
-                break
-            high = point
-        if low[1] <= _STEEP * target or high[0] - low[0] <= 1e-13 * high[0]:
-            return low, high
 
 
 class _Reached(Exception):
@@ -312,24 +315,24 @@ def _summit(ductility: Callable[[float], float], target: float, low: float, high
         return -value
 
     try:
-        found = minimize_scalar(depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high})
+        minimum = minimize_scalar(depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high})
     except _Reached as reached:
         return reached.point
-    return float(found.x), -float(found.fun)
+    return float(minimum.x), -float(minimum.fun)
 
 
 def _solve(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> float:
     """The ratio with the target in a bracket, by Brent's method on the logarithms, which lie nearly on a line."""
     from scipy.optimize import brentq
 
-    known = {math.log(ratio): value for ratio, value in (low, high)}
+    values = {math.log(ratio): value for ratio, value in (low, high)}
 
     def excess(x: float) -> float:
-        value = known[x] if x in known else ductility(math.exp(x))
+        value = values[x] if x in values else ductility(math.exp(x))
         log = math.log(max(value, 0.1) / target)
         return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
 
-    ends = sorted(known)
+    ends = sorted(values)
     if excess(ends[0]) == 0.0:
         return low[0]
     return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))

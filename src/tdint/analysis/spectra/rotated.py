@@ -8,14 +8,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.analysis.given import damping_of, horizontals_of
-from tdint.analysis.spectra.elastic import OR_ZERO, SHORTEST, checked_periods, choose_settings
-from tdint.analysis.spectra.oscillators import Maxima, check_shortest, groups
+from tdint.analysis.given import AnyRecord, damping_of, horizontals_of
+from tdint.analysis.spectra.elastic import (
+    OR_ZERO,
+    SHORTEST,
+    Maxima,
+    check_shortest,
+    checked_periods,
+    choose_settings,
+    groups,
+)
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
-from tdint.ground_motion.interpolation import Interpolation
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.processing_steps import Interpolation
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
@@ -58,7 +64,7 @@ class RotatedSpectrum(Tabular):
 
 
 def rotated_spectrum(
-    motion: Horizontals | Sequence[Record],
+    motion: Horizontals | Sequence[AnyRecord],
     periods: Array,
     damping: float = 0.05,
     percentiles: Sequence[int] = (0, 50, 100),
@@ -79,6 +85,11 @@ def rotated_spectrum(
         From 0 to 100.
     periods, damping, maxima, interpolation
         As for `tdint.analysis.spectra.elastic.spectrum`.
+
+    Returns
+    -------
+    RotatedSpectrum
+        Pseudo-accelerations, shape (percentiles, k).
 
     Raises
     ------
@@ -125,12 +136,12 @@ def _displacements(
     second, _ = interpolation.resample(motion.second, shortest)
     result = np.empty((omega.size, rotation.ANGLES))
     for chosen, parts, table in groups(omega, damping, dt, maxima, lambda count: rotation.LANES):
-        found = np.empty((chosen.size, rotation.ANGLES))
+        peaks = np.empty((chosen.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
         rotation.rotated_peaks.compiled(
-            first, second, dt, parts, table, _directions(), int(maxima.between), found, *scratch
+            first, second, dt, parts, table, _directions(), int(maxima.between), peaks, *scratch
         )
-        result[chosen] = found
+        result[chosen] = peaks
     return result
 
 

@@ -7,8 +7,9 @@ tables of `tdint ida` and of campaigns are understood, too. `threshold`, `im_nam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
@@ -18,15 +19,37 @@ from numpy.typing import NDArray
 
 from tdint.analysis.given import numbers_of
 from tdint.arrays import Array
-from tdint.campaign.fragility.fits import CLOUD, FITS, IDA, STRIPES, Fragility, fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.fragility.run_measures import column_of, with_measures
+from tdint.campaign.fragility.fits import (
+    CLOUD,
+    FITS,
+    IDA,
+    SAME_LEVEL,
+    STRIPES,
+    Fragility,
+    fit_capacities,
+    fit_cloud,
+    fit_stripes,
+    levels_of,
+)
+from tdint.campaign.fragility.measures import (
+    RunIntensities,
+    RunMeasure,
+    column_of,
+    measure_named,
+    motions_of,
+    of_pairs,
+    period_beside,
+    with_measures,
+)
+from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exceedance
+from tdint.campaign.profiles import motion_numbers
+from tdint.campaign.store import Store, check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
-from tdint.input_bytes import is_folder
-from tdint.model.damage_states import DONE, FALLEN
-from tdint.quantity import suffix
+from tdint.files import is_folder
+from tdint.model.damage_states import DONE, FALLEN, DamageStates
 from tdint.tabular import Tabular
-from tdint.units import ACCELERATION
+from tdint.units import ACCELERATION, suffix
 from tdint.written_numbers import how_many
 
 NEEDS = (
@@ -34,11 +57,7 @@ NEEDS = (
     "or is one of tdint ida or tdint campaign"
 )
 _RUNS = ("status", "peak_drift_ratio")
-MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
-"""Columns of runs in which their intensity may stand, without their unit, and its name."""
-
 EVERY_DEMAND = (0.0, math.inf)
-_SAME = 1e-6  # intensities that differ by less than this part are one level
 _LEAST_STRIPE = 3  # runs a level has at the least
 
 
@@ -57,7 +76,10 @@ class FragilityRequest:
     beta_model : float
         Standard deviation of what is not known of the model.
     measure : str or None
-        Of a table of runs: the column of their intensity without its unit, such as pga; sa_t1 by default.
+        Of runs: their intensity, as `tdint.campaign.fragility.measures.run_measure` reads it, or the name of its
+        column without the unit; Sa at the first period by default.
+    states : tuple of str
+        Names of the states of thresholds, in the order that these rise; ds1, ds2, ... by default.
     """
 
     fit: str | None = None
@@ -65,6 +87,7 @@ class FragilityRequest:
     edp_range: tuple[float, float] = EVERY_DEMAND
     beta_model: float = 0.0
     measure: str | None = None
+    states: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,11 +97,17 @@ class FragilityResult(Tabular):
     functions: tuple[Fragility, ...]
     failures: tuple[AnalysisError, ...] = ()
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def disagreements(self) -> list[str]:
+        """Where functions and counts part by more than their scatter allows."""
+        return [text for one in self.functions if (text := one.disagreement)]
 
     @classmethod
-    def of(cls, found: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
+    def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
         """What came of several fits."""
-        every = list(found)
+        every = list(results)
         functions = tuple(one for one in every if isinstance(one, Fragility))
         return cls(functions, tuple(one for one in every if isinstance(one, AnalysisError)), warnings)
 
@@ -102,10 +131,17 @@ def fragility(
 
     Parameters
     ----------
+    source : str or Path
+        The table or the folder.
     thresholds : float or sequence of float
         Demands whose exceedance is meant (drift ratios); by default those of the table.
     fit, edp_range, beta_model, measure : optional
         As of `FragilityRequest`.
+
+    Returns
+    -------
+    FragilityResult
+        The functions, why others could not be fitted, and what is to be said.
 
     Raises
     ------
@@ -135,26 +171,21 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
     table = read_table(_file(source, request.fit), NEEDS)
     table = with_measures(table) if request.measure else table
-    kind = _kind_of(table, request.fit)
-    result = kind.fit(table, request)
-    functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
-    return replace(result, functions=tuple(functions))
-
-
-def _kind_of(table: CsvTable, fit: str | None) -> _Kind:
-    """The kind of a table by its columns; the fit decides where they are those of several."""
+    # The kind of a table by its columns; the fit decides where they are those of several.
     kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
     if not kinds:
         raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
-    suited = [kind for kind in kinds if fit is None or fit in kind.fits]
+    suited = [kind for kind in kinds if request.fit in (None, *kind.fits)]
     if not suited:
-        known = " or ".join(dict.fromkeys(one for kind in kinds for one in kind.fits))
-        raise UsageError(f"{table.source}: this table is for --fit {known}, not {fit}")
+        names = " or ".join(dict.fromkeys(one for kind in kinds for one in kind.fits))
+        raise UsageError(f"{table.source}: this table is for --fit {names}, not {request.fit}")
     if len(suited) > 1:
         both = " and of ".join(",".join(kind.columns) for kind in suited)
         fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
         raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
-    return suited[0]
+    result = suited[0].fit(table, request)
+    functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
+    return replace(result, functions=tuple(functions))
 
 
 def _file(source: str, fit: str | None) -> str:
@@ -164,12 +195,12 @@ def _file(source: str, fit: str | None) -> str:
     names = ["ida.csv"] if fit == CLOUD and (folder / "ida.csv").is_file() else ["capacities.csv", "runs.csv"]
     if fit == STRIPES:
         names = ["runs.csv"]
-    found = next((folder / name for name in names if (folder / name).is_file()), None)
-    if found is None:
+    path = next((folder / name for name in names if (folder / name).is_file()), None)
+    if path is None:
         raise ModelError(
             f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint campaign write them"
         )
-    return str(found)
+    return str(path)
 
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -179,28 +210,34 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     for name, counts in (("records", total), ("collapses", hits)):
         table.check(name, counts == np.floor(counts), "must be a whole number")
     table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
-    found = _by_threshold(table, request, lambda chosen: fit_stripes(im[chosen], hits[chosen], total[chosen]))
-    return FragilityResult.of(found)
+
+    def fit(chosen: NDArray[np.bool_]) -> Fragility:
+        levels, all_runs = im[chosen], total[chosen]
+        function = fit_stripes(levels, hits[chosen], all_runs)
+        return function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
+
+    functions = _by_threshold(table, request, fit)
+    return FragilityResult.of(functions)
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
-    known = np.isfinite(capacity)
-    found = [
-        _of_state(damage, one)
+    finite = np.isfinite(capacity)
+    functions = [
+        _of_state(damage, function)
         for damage, rows in _states(table)
-        for one in _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
+        for function in _by_threshold(table, request, partial(_of_capacities, capacity, censored, finite & rows))
     ]
-    without = int(np.sum(~known))
+    without = int(np.sum(~finite))
     warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (without > 0)
-    return FragilityResult.of(found, *warnings)
+    return FragilityResult.of(functions, *warnings)
 
 
 def _of_capacities(
-    capacity: Array, censored: NDArray[np.bool_], known: NDArray[np.bool_], chosen: NDArray[np.bool_]
+    capacity: Array, censored: NDArray[np.bool_], finite: NDArray[np.bool_], chosen: NDArray[np.bool_]
 ) -> Fragility:
-    return fit_capacities(capacity[chosen & known], censored[chosen & known].tolist())
+    return fit_capacities(capacity[chosen & finite], censored[chosen & finite].tolist())
 
 
 def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
@@ -211,10 +248,10 @@ def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
     return [(one, damage == one) for one in np.unique(damage).tolist()]
 
 
-def _of_state(damage: float, found: Fragility | AnalysisError) -> Fragility | AnalysisError:
-    if isinstance(found, Fragility):
-        return replace(found, damage=damage)
-    return found if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {found}")
+def _of_state(damage: float, function: Fragility | AnalysisError) -> Fragility | AnalysisError:
+    if isinstance(function, Fragility):
+        return replace(function, damage=damage)
+    return function if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {function}")
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -234,21 +271,24 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     lost = int(np.sum(runs.failed))
     warnings = [f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"]
     if fit == CLOUD:
+        # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
         of = runs.result
-        result = _cloud(table, request, runs.im[of], runs.drift[of], runs.collapsed[of], runs.names)
+        drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
+        result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
         of_cloud = tuple(replace(one, failed=lost) for one in result.functions)
         return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
-    found = [_tried(one, runs.names, partial(_of_stripes, runs, one)) for one in request.thresholds]
+    functions = [_tried(one, runs.names, partial(_of_stripes, runs, one)) for one in request.thresholds]
     warnings[0] += (
         ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
     )
-    return FragilityResult.of(found, *warnings * (lost > 0))
+    return FragilityResult.of(functions, *warnings * (lost > 0))
 
 
 @dataclass(frozen=True)
 class _Runs:
     """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest drift, whether the
-    building collapsed, whether there is a result, whether there is none; the intensity's name and unit."""
+    building collapsed, whether there is a result, whether there is none, the ground motion; the intensity's name and
+    unit."""
 
     im: Array
     level: NDArray[np.intp]
@@ -256,42 +296,57 @@ class _Runs:
     collapsed: NDArray[np.bool_]
     result: NDArray[np.bool_]
     failed: NDArray[np.bool_]
+    motion: NDArray[np.intp]
     names: tuple[str, str]
 
 
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
-    table.only("building")
+    try:
+        table.only("building")
+    except ModelError as error:
+        raise ModelError(f"{error}, or of a campaign's folder fit functions of each with --by building") from None
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     column, name, unit = _intensity(table, request)
     im = np.array(table.numbers(column, empty=True))
+    im = im if column == "im" else of_pairs(table, im)
+    motion = motions_of(table)
     collapsed = np.isin(status, FALLEN)
-    known = im > 0.0
-    result = (collapsed | (status == DONE)) & (drift > 0.0) & known
+    positive = im > 0.0
+    result = (collapsed | (status == DONE)) & (drift > 0.0) & positive
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
-    im, drift, collapsed, result = im[known], drift[known], collapsed[known], result[known]
-    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, (name, unit))
+    im, drift, motion, collapsed, result = (
+        im[positive],
+        drift[positive],
+        motion[positive],
+        collapsed[positive],
+        result[positive],
+    )
+    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
 
 
 def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
     """The column of the runs' intensity, what the intensity is called, and its unit."""
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
-    wanted = request.measure or "sa_t1"
-    if request.measure is None and not any(table.has(f"{wanted}{suffix(unit)}") for unit in ACCELERATION):
-        return f"{wanted}{suffix('m/s^2')}", MEASURES[wanted], "m/s^2"  # which the table is then said to lack
-    column, unit = column_of(table, wanted)
-    return column, MEASURES.get(wanted, wanted), unit
+    measure = measure_named(request.measure or "sa")
+    label = measure.label(period_beside(table))
+    if request.measure is None and not any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION):
+        return f"{measure.column}{suffix('m/s^2')}", label, "m/s^2"  # which the table is then said to lack
+    column, unit = column_of(table, measure.column)
+    return column, label, unit
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     """The fit of the runs that have a result; of the others, if there are any, what they may change."""
     over = runs.collapsed | (runs.drift > threshold)
-    found = _stripes(runs, over, runs.result)
+    function = _stripes(runs, over, runs.result)
+    of = runs.result
+    function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
     lost = int(np.sum(runs.failed))
     if not lost:
-        return found
+        return function
     every = np.ones_like(runs.result)
     bounds: list[Fragility | None] = []
     for counted in ((over & runs.result) | runs.failed, over & runs.result):
@@ -299,7 +354,7 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
             bounds.append(_stripes(runs, counted, every))
         except AnalysisError:
             bounds.append(None)
-    return replace(found, failed=lost, bounds=(bounds[0], bounds[1]))
+    return replace(function, failed=lost, bounds=(bounds[0], bounds[1]))
 
 
 def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
@@ -315,17 +370,25 @@ def _cloud(
     edp: Array,
     censored: NDArray[np.bool_],
     names: tuple[str, str] | None = None,
+    motion: NDArray[np.intp] | None = None,
 ) -> FragilityResult:
     _check_thresholds(table, request)
     low, high = request.edp_range
     kept = edp >= low
+    # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
+    told = [kept & ~(censored & (edp < one)) for one in request.thresholds]
+    beyond = [((edp > one) | censored).astype(float) for one in request.thresholds]
     censored = (censored | (edp >= high))[kept]
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
     try:
         functions = fit_cloud(im[kept], np.minimum(edp, high)[kept], request.thresholds, censored)
     except AnalysisError as error:
         return FragilityResult((), (error,))
-    return FragilityResult(tuple(one.named(one.threshold, im_name, unit) for one in functions))
+    counted = [
+        function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
+        for function, of, over in zip(functions, told, beyond, strict=True)
+    ]
+    return FragilityResult(tuple(one.named(one.threshold, im_name, unit) for one in counted))
 
 
 def _by_threshold(
@@ -342,14 +405,14 @@ def _by_threshold(
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not there:
         raise ModelError(f"{table.source}: no row has a threshold; fill the column in or leave it out")
-    found = []
-    for wanted in request.thresholds or there:
-        rows = np.isclose(thresholds, wanted, rtol=_SAME, atol=0.0)
+    functions = []
+    for threshold in request.thresholds or there:
+        rows = np.isclose(thresholds, threshold, rtol=SAME_LEVEL, atol=0.0)
         if not rows.any():
             listed = ", ".join(f"{one:g}" for one in there)
-            raise UsageError(f"{table.source}: has no threshold {wanted:g}; there are {listed}")
-        found.append(_tried(wanted, names, partial(fit, rows)))
-    return found
+            raise UsageError(f"{table.source}: has no threshold {threshold:g}; there are {listed}")
+        functions.append(_tried(threshold, names, partial(fit, rows)))
+    return functions
 
 
 def _tried(threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]) -> Fragility | AnalysisError:
@@ -365,15 +428,6 @@ def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
         raise UsageError(f"{table.source}: which demands are exceeded? Give --threshold")
 
 
-def levels_of(im: Array) -> NDArray[np.intp]:
-    """The number of the level of each intensity, from 0."""
-    order = np.argsort(im)
-    steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > _SAME
-    result = np.empty(im.size, np.intp)
-    result[order] = np.cumsum(steps)
-    return result
-
-
 @dataclass(frozen=True)
 class _Kind:
     """A kind of table: columns by which it is known, the fits it is for, the default one first, and what does them."""
@@ -387,3 +441,260 @@ _STRIPES = _Kind(("im", "collapses", "records"), (STRIPES,), _fit_stripes)
 _CAPACITIES = _Kind(("capacity",), (IDA,), _fit_capacities)
 _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
 _OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
+
+
+# ---- Fragility functions of the types of buildings of a campaign, or of each building, one for each damage state, of
+# its store
+#
+# A run under which a building falls exceeds all states; no more is known of its demand than that it is above the
+# heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part of beta: stripes count
+# probabilities of exceedance, a cloud sees each run with thresholds so dispersed. Runs under one ground motion err
+# alike, so that the errors of a fit are those of leaving out the motions one by one, in groups where there are
+# many (delete-a-group jackknife, Kott 2001).
+
+Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
+
+_GROUPS = 30  # of motions, at the most
+_LEAST_TYPE_STRIPE = 3  # motions a level has at the least
+_SAME_PERIOD = 1e-6
+_THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
+
+
+@dataclass(frozen=True)
+class TypeRuns:
+    """The runs of a type that have a result, all arrays of shape (runs,).
+
+    Attributes
+    ----------
+    states : DamageStates
+        Of the type.
+    im, demand : ndarray
+        Intensity and what the states are told by, SI units; of a fall the median of the heaviest state.
+    fallen : ndarray of bool
+        Whether the building fell.
+    motion : ndarray of int
+        The ground motion.
+    failed : int
+        Runs without a result.
+    name, unit : str
+        Of the intensity measure.
+    """
+
+    states: DamageStates
+    im: Array
+    demand: Array
+    fallen: NDArray[np.bool_]
+    motion: NDArray[np.intp]
+    failed: int
+    name: str
+    unit: str
+
+
+TYPE, BUILDING = "type", "building"
+BY = (TYPE, BUILDING)
+"""What functions of a campaign may be of."""
+
+
+def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> FragilityResult:
+    """Fit a function for each type of buildings of a campaign, or for each building, and each of its damage states; of
+    buildings the states may be thresholds of the largest drift ratio.
+
+    Raises
+    ------
+    UsageError
+        The folder holds no campaign, or one that says nothing of damage; a fit or a threshold that is not for it; a
+        measure that its runs do not have.
+    OutputError
+        The store cannot be read.
+    """
+    if request.thresholds and by == TYPE:
+        raise UsageError("functions by type are of the damage states of the campaign: leave --threshold out")
+    if request.fit == IDA:
+        raise UsageError(f"functions by {by} are fitted to runs: --fit stripes or cloud")
+    measure, of_all = measure_named(request.measure or "sa"), _of_thresholds(request)
+    with open_existing(folder) as store:
+        check_chunks(store)
+        if not (store.damage() or of_all):
+            way = "add `damage` to its file and call it again"
+            more = "; or give --threshold" if by == BUILDING else ""
+            raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
+        intensities = RunIntensities(store, folder, measure)
+        of_types = type_runs(store, intensities, measure, by=by, states=of_all)
+    fitted = [
+        AnalysisError(f"{name}, {state}: {function}")
+        if isinstance(function, AnalysisError)
+        else replace(function, type=name, state=state, beta_model=request.beta_model)
+        for name, runs in of_types.items()
+        for state, function in zip(runs.states.states, _fitted(runs, request), strict=True)
+    ]
+    lost = sum(runs.failed for runs in of_types.values())
+    warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
+    notes = (intensities.note,) * bool(intensities.note)
+    return replace(FragilityResult.of(fitted, *warnings), notes=notes)
+
+
+def _of_thresholds(request: FragilityRequest) -> DamageStates | None:
+    """The states that thresholds of the largest drift ratio are; None without any."""
+    medians = tuple(sorted(request.thresholds))
+    names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
+    if medians and len(names) != len(medians):
+        raise UsageError(f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}")
+    return DamageStates("drift_ratio", names, medians) if medians else None
+
+
+def type_runs(
+    store: Store,
+    intensities: RunIntensities,
+    measure: RunMeasure,
+    *,
+    by: str = TYPE,
+    states: DamageStates | None = None,
+) -> dict[str, TypeRuns]:
+    """The runs of each type or building, by its name; `states` in place of those of the campaign. One building is held
+    at a time."""
+    motions = motion_numbers(store.records())
+    gathered: dict[str, _Gathered] = {}
+    for of in building_damages(store, states):
+        name = of.type if by == TYPE else of.building
+        gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
+    return {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
+
+
+@dataclass
+class _Gathered:
+    """The runs of a type, as they come: numbers one after the other."""
+
+    states: DamageStates
+    failed: int = 0
+    periods: tuple[float, float] = (math.inf, 0.0)
+    im: array[float] = field(default_factory=lambda: array("d"))
+    demand: array[float] = field(default_factory=lambda: array("d"))
+    fallen: array[int] = field(default_factory=lambda: array("b"))
+    motion: array[int] = field(default_factory=lambda: array("q"))
+
+    def add(self, of: BuildingDamage, im: Array, motions: Mapping[int, int]) -> None:
+        """Take the runs of a building with their intensities."""
+        taken = of.known & (im > 0.0)
+        fallen = np.isin(of.status, FALLEN)
+        motion = np.array([motions[record] for record, _, _ in of.keys], np.int64)
+        demand = np.where(fallen, of.states.medians[-1], of.demand)
+        columns = (self.im, im), (self.demand, demand), (self.fallen, fallen.astype(np.int8)), (self.motion, motion)
+        for kept, values in columns:
+            kept.frombytes(values[taken].tobytes())
+        self.failed += int(np.sum(~of.known))
+        self.periods = min(self.periods[0], of.period), max(self.periods[1], of.period)
+
+    def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
+        """All of them as arrays."""
+        first, last = self.periods
+        common = 0.0 < last < math.inf and last - first <= _SAME_PERIOD * first
+        return TypeRuns(
+            self.states,
+            np.frombuffer(self.im, np.float64),
+            np.frombuffer(self.demand, np.float64),
+            np.frombuffer(self.fallen, np.int8).astype(bool),
+            np.frombuffer(self.motion, np.int64),
+            self.failed,
+            measure.label(first if common else None),
+            unit,
+        )
+
+
+def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
+    """The function of each state, or why there is none."""
+    if not runs.im.size:
+        return [AnalysisError("no run has a result") for _ in runs.states.states]
+    level = levels_of(runs.im)
+    motions = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # of each level
+    stripes = motions.size > 1 and int(motions.min()) >= _LEAST_TYPE_STRIPE
+    if request.fit == STRIPES and not stripes:
+        raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
+    chosen = request.fit or (STRIPES if stripes else CLOUD)
+
+    def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        return _type_stripes(runs, level, taken) if chosen == STRIPES else _type_cloud(runs, request, taken)
+
+    functions = fit(np.ones(runs.im.size, bool))
+    covariances, beyond = _jackknife(runs, fit), _beyond(runs)
+    return [
+        function
+        if isinstance(function, AnalysisError)
+        else replace(
+            function.named(median, runs.name, runs.unit), covariance=covariance, failed=runs.failed
+        ).beside_counts(runs.im, over, motion=runs.motion)
+        for function, median, covariance, over in zip(
+            functions, runs.states.medians, covariances, beyond.T, strict=True
+        )
+    ]
+
+
+def _beyond(runs: TypeRuns) -> Array:
+    """The probability that each run is in a state or a heavier one, shape (runs, states), 1 after a fall."""
+    return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
+
+
+def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+    """Of probabilities of exceedance at levels."""
+    over = _beyond(runs)[taken]
+    place = np.unique(level[taken], return_inverse=True)[1]
+    total = np.bincount(place).astype(float)
+    im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
+    return [_type_tried(partial(fit_stripes, im, np.minimum(np.bincount(place, one), total), total)) for one in over.T]
+
+
+def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+    """Of a line through the demands, those of falls known only to be above the heaviest state.
+
+    Of the states of a campaign each run is seen with three equally likely thresholds of their dispersion, which falls
+    exceed whatever it is: beyond the heaviest state and below the lightest one no more is known. Of thresholds that
+    are asked for all demands count as they are, so that no function hangs on which others are asked for."""
+    low, high = request.edp_range
+    kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
+    im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
+    lightest, heaviest = (0.0, math.inf) if request.thresholds else (runs.states.medians[0], runs.states.medians[-1])
+    limited = fallen | (demand >= high)
+    seen = np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE)) * demand[:, np.newaxis]
+    above = limited[:, np.newaxis] | (seen >= heaviest)
+    try:
+        of_states = fit_cloud(
+            np.repeat(im, _THREE.size),
+            np.minimum(seen, heaviest).ravel(),
+            runs.states.medians,
+            above.ravel(),
+            lightest=lightest,
+        )
+    except AnalysisError as error:
+        return [error for _ in runs.states.states]
+    below = ~limited & (demand < lightest)
+    return [
+        replace(
+            function,
+            records=im.size,
+            censored=int(np.sum(limited)),
+            cloud=function.cloud and replace(function.cloud, im=im, edp=demand, censored=limited, below=below),
+        )
+        for function in of_states
+    ]
+
+
+def _type_tried(fit: Callable[[], Fragility]) -> Fragility | AnalysisError:
+    try:
+        return fit()
+    except AnalysisError as error:
+        return error
+
+
+def _jackknife(runs: TypeRuns, fit: Fit) -> list[Array]:
+    """The covariance of ln theta and beta of each state, shape (2, 2): by leaving out groups of motions; nan where
+    less than three of them leave a fit."""
+    motions = np.unique(runs.motion)
+    group = (np.searchsorted(motions, runs.motion) * min(_GROUPS, motions.size)) // motions.size
+    left: list[list[tuple[float, float]]] = [[] for _ in runs.states.states]
+    for motion in np.unique(group) if motions.size > 2 else ():
+        for place, function in enumerate(fit(group != motion)):
+            if isinstance(function, Fragility):
+                left[place].append((math.log(function.theta), function.beta))
+    return [
+        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
+        for values in left
+    ]

@@ -3,7 +3,7 @@
 Stripes: numbers of exceedances at levels of intensity (Baker 2015, Earthquake Spectra 31(1), doi
 10.1193/021113EQS025M). Capacities of an incremental dynamic analysis: by their moments, or if some are censored by
 maximum likelihood (Baker 2015, eq. 9). Cloud: a line through the logarithms of demand over intensity (Jalayer 2003),
-with demands that are known only to lie above a limit.
+with demands that are known only to lie above a limit, or below one.
 
 The likelihoods are those of normal observations, some of which are known only to lie below or above a value. Each
 observation i has z_i = x_i . p, linear in the parameters, which makes the logarithm of the likelihood concave
@@ -24,9 +24,8 @@ from scipy.special import log_ndtr, ndtr
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.output_units import OutputUnits
-from tdint.units import ACCELERATION, VELOCITY
-from tdint.written_numbers import LARGEST
+from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
+from tdint.written_numbers import LARGEST, how_many
 
 _ITERATIONS = 200
 _CONVERGED = 1e-13
@@ -140,6 +139,16 @@ FITS = (STRIPES, IDA, CLOUD)
 _EQUAL = 1e-9  # dispersions below this are rounding
 _TWO_SIDED = 1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
 
+SAME_LEVEL = 1e-6
+"""Intensities that differ by less than this part are one level."""
+
+BINS = 6
+"""Of the intensity, in which runs beyond a state are counted: fewer hide a bend, more have few motions each."""
+
+_APART = 3.0
+"""Standard errors between function and count that are told: of 80 bins (four types, four states) scatter alone has one
+so far off in every fifth study."""
+
 
 @dataclass(frozen=True)
 class Points:
@@ -150,16 +159,43 @@ class Points:
 
 
 @dataclass(frozen=True)
+class Counted:
+    """What was counted in bins of the intensity, shape (k,): the intensity in its middle (geometric mean of the
+    runs), runs, the share of them beyond the state, the share that the function has there, and by how much both may
+    part for want of runs: a standard error and half a motion."""
+
+    im: Array
+    runs: Array
+    share: Array
+    fitted: Array
+    error: Array
+    half: Array
+
+    @property
+    def apart(self) -> Array:
+        """By how many standard errors function and count part, half a motion left out."""
+        beyond = np.abs(self.share - self.fitted) - self.half
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(beyond > 0.0, beyond / self.error, 0.0)
+
+
+@dataclass(frozen=True)
 class CloudPoints:
-    """The observations of a cloud: intensities, demands and which of these are censored, all shape (n,); the line
-    ln EDP = intercept + slope ln IM with its standard deviation."""
+    """The observations of a cloud: intensities, demands, which of these are censored and which count only as below the
+    lightest state, all shape (n,); the line ln EDP = intercept + slope ln IM with its standard deviation."""
 
     im: Array
     edp: Array
     censored: NDArray[np.bool_]
+    below: NDArray[np.bool_]
     intercept: float
     slope: float
     sigma: float
+
+    @property
+    def light(self) -> int:
+        """How many count only as below the lightest state."""
+        return int(np.sum(self.below))
 
 
 @dataclass(frozen=True)
@@ -212,6 +248,7 @@ class Fragility:
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
+    counted: Counted | None = field(default=None, repr=False)
 
     @property
     def theta_error(self) -> float:
@@ -237,10 +274,61 @@ class Fragility:
 
         By the delta method on z = ln(im / theta) / beta, so that both bounds are probabilities.
         """
+        z, error = self._z(im)
+        return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
+
+    def _z(self, im: Array) -> tuple[Array, Array]:
+        """ln(im / theta) / beta at intensities, and its standard error by the delta method, each of shape (k,)."""
         z = np.log(np.asarray(im) / self.theta) / self.beta
         (of_theta, mixed), (_, of_beta) = self.covariance
-        error = np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
-        return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
+        return z, np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
+
+    def beside_counts(
+        self, im: Array, beyond: Array, *, runs: Array | None = None, motion: NDArray[np.intp] | None = None
+    ) -> Fragility:
+        """The same function with what was counted beside it.
+
+        Parameters
+        ----------
+        im, beyond : ndarray, shape (n,)
+            Intensities of runs, or of levels of them, and the share of each that is beyond the state.
+        runs : ndarray, shape (n,), optional
+            How many runs each stands for; 1 by default.
+        motion : ndarray of int, shape (n,), optional
+            The ground motion of each: runs under one err alike and count as one; by default each is of its own.
+        """
+        weight = np.ones(im.size) if runs is None else runs
+        # Bins of about as many runs each; where there are few levels each is one.
+        level = levels_of(im)
+        total = np.bincount(level, weight)
+        middle = (np.cumsum(total) - 0.5 * total) / np.sum(total)
+        place = level if total.size <= BINS else np.floor(BINS * middle).astype(np.intp)[level]
+        place = np.unique(place, return_inverse=True)[1]
+        count = np.bincount(place, weight)
+        at = np.exp(np.bincount(place, weight * np.log(im)) / count)
+        share = np.bincount(place, weight * beyond) / count
+        fitted = np.bincount(place, weight * self.probability(im)) / count
+        # As many independent tosses with the function's probability as there are motions, and the fit's own error.
+        motions = count if motion is None else np.bincount(np.unique(np.column_stack([place, motion]), axis=0)[:, 0])
+        z, error = self._z(at)
+        of_fit = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + of_fit**2)
+        return replace(self, counted=Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions))
+
+    @property
+    def disagreement(self) -> str:
+        """Where function and count part the most, in words; nothing where their scatter allows it."""
+        of = self.counted
+        if of is None or not np.any(of.apart > _APART):
+            return ""
+        worst = int(np.argmax(of.apart))
+        about = f"{self.type}, {self.state}: " if self.type else ""
+        about = about or (f"threshold {self.threshold:g}: " if self.threshold == self.threshold else "")
+        at = f"{self.im or 'im'} {of.im[worst]:.3g} {self.unit}".rstrip()
+        return (
+            f"{about}at {at} {100.0 * of.share[worst]:.3g} % of {how_many(round(of.runs[worst]), 'run')} are beyond, "
+            f"the {self.fit} function has {100.0 * of.fitted[worst]:.3g} %: more apart than their scatter allows"
+        )
 
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
         """The same function of a threshold and an intensity measure."""
@@ -254,8 +342,8 @@ class Fragility:
         UsageError
             The unit that the intensity has is not known.
         """
-        kinds = {"m/s^2": ACCELERATION, "m/s": VELOCITY}
-        si = next((si for si, known in kinds.items() if self.unit in known), "")
+        kinds = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
+        si = next((si for si, units in kinds.items() if self.unit in units), "")
         if not si:
             raise UsageError(
                 f"output units are for intensities whose unit is known, not {self.unit!r}; give the table a column unit"
@@ -270,7 +358,25 @@ class Fragility:
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
         bounds = tuple(replace(one, theta=factor * one.theta, unit=unit) if one else None for one in self.bounds)
         low, high = bounds
-        return replace(self, theta=factor * self.theta, unit=unit, points=points, cloud=cloud, bounds=(low, high))
+        counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
+        return replace(
+            self,
+            theta=factor * self.theta,
+            unit=unit,
+            points=points,
+            cloud=cloud,
+            bounds=(low, high),
+            counted=counted,
+        )
+
+
+def levels_of(im: Array) -> NDArray[np.intp]:
+    """The number of the level of each intensity, from 0."""
+    order = np.argsort(im)
+    steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > SAME_LEVEL
+    result = np.empty(im.size, np.intp)
+    result[order] = np.cumsum(steps)
+    return result
 
 
 def fit_stripes(
@@ -284,6 +390,11 @@ def fit_stripes(
         Levels, positive.
     exceeding, records : array, shape (k,)
         At each level the number of records that exceed, and of all records.
+
+    Returns
+    -------
+    Fragility
+        Median theta in the unit of the levels, dispersion beta, and their standard errors.
 
     Raises
     ------
@@ -300,8 +411,8 @@ def fit_stripes(
         raise UsageError("stripes: at every level there must be records, and no more exceedances than records")
     misses = total - hits
     if not hits.any() or not misses.any():
-        what = "no record exceeds at any level" if not hits.any() else "every record exceeds at every level"
-        raise AnalysisError(f"{what}: neither median nor dispersion can be told; add levels")
+        reason = "no record exceeds at any level" if not hits.any() else "every record exceeds at every level"
+        raise AnalysisError(f"{reason}: neither median nor dispersion can be told; add levels")
     if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
         raise AnalysisError(
             "all records below some level do not exceed and all above it do: the dispersion cannot be told; add levels "
@@ -309,10 +420,10 @@ def fit_stripes(
         )
     levels = np.concatenate([x, x])
     side = np.repeat([True, False], x.size)
-    found = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
-    if found is None:
+    solution = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
+    if solution is None:
         raise AnalysisError("exceedances do not become more frequent with intensity: no lognormal distribution fits")
-    return _function(STRIPES, *found, records=int(np.max(total)), points=Points(x, hits / total))
+    return _function(STRIPES, *solution, records=int(np.max(total)), points=Points(x, hits / total))
 
 
 def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None) -> Fragility:
@@ -328,6 +439,11 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
     censored : sequence of bool, shape (n,), optional
         Which are.
 
+    Returns
+    -------
+    Fragility
+        Median theta in the unit of the capacities, dispersion beta, and their standard errors.
+
     Raises
     ------
     UsageError
@@ -340,10 +456,10 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
     if x.ndim != 1 or above.shape != x.shape:
         raise UsageError("capacities need a row of numbers and as many marks of censored ones")
     _check_positive(x, "capacities")
-    known = x.size - int(np.sum(above))
-    if known < 2:
+    count = x.size - int(np.sum(above))
+    if count < 2:
         raise AnalysisError(
-            f"of {x.size} capacities {known or 'none'} is known, the others are censored: "
+            f"of {x.size} capacities {count or 'none'} is known, the others are censored: "
             "median and dispersion need two"
         )
     logarithms = np.log(x)
@@ -352,13 +468,13 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
         if not beta > _EQUAL:
             raise AnalysisError("all capacities are equal: the dispersion cannot be told")
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
-        found: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
+        solution: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
     else:
-        found = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
-    if found is None:
+        solution = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
+    if solution is None:
         raise AnalysisError("the capacities tell no dispersion: too many are equal or censored")
     points = empirical(x, above)
-    return _function(IDA, *found, records=x.size, censored=int(np.sum(above)), points=points)
+    return _function(IDA, *solution, records=x.size, censored=int(np.sum(above)), points=points)
 
 
 def fit_cloud(
@@ -366,6 +482,8 @@ def fit_cloud(
     edp: Sequence[float] | Array,
     thresholds: Sequence[float],
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
+    *,
+    lightest: float = 0.0,
 ) -> list[Fragility]:
     """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum likelihood.
 
@@ -380,6 +498,14 @@ def fit_cloud(
         Demands whose exceedance is asked for, positive.
     censored : sequence of bool, shape (n,), optional
         Which are.
+    lightest : float
+        Demands below it, which are not censored, are known only to be below: far under the lightest state the demands
+        are elastic, on a line of their own. They are not left out, for a choice by demand bends the line.
+
+    Returns
+    -------
+    list of Fragility
+        One per threshold.
 
     Raises
     ------
@@ -392,10 +518,13 @@ def fit_cloud(
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or not x.shape == y.shape == above.shape:
         raise UsageError("a cloud needs as many demands as intensities")
-    for values, what in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
-        _check_positive(values, what)
-    intercept, slope, sigma, covariance = _line(np.log(x), np.log(y), above)
-    points = CloudPoints(x, y, above, intercept, slope, sigma)
+    for values, name in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
+        _check_positive(values, name)
+    below = ~above & (y < lightest)
+    if not _tells(x, ~(above | below)):
+        below = np.zeros(x.size, bool)
+    intercept, slope, sigma, covariance = _line(np.log(x), np.log(np.where(below, lightest, y)), above, below)
+    points = CloudPoints(x, y, above, below, intercept, slope, sigma)
     g1, results = slope / sigma, []
     for threshold in thresholds:
         mean = (math.log(threshold) - intercept) / slope
@@ -415,21 +544,29 @@ def fit_cloud(
     return results
 
 
-def _line(x: Array, y: Array, above: NDArray[np.bool_]) -> tuple[float, float, float, Array]:
+def _tells(im: Array, exact: NDArray[np.bool_]) -> bool:
+    """Whether the demands that are known exactly tell a line and a scatter, with those beside them known to be below:
+    three of them, and more than one intensity (those below have others)."""
+    return int(np.sum(exact)) > 2 and np.unique(im[exact]).size > 1
+
+
+def _line(x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]) -> tuple[float, float, float, Array]:
     """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma)."""
-    if np.unique(x[~above]).size < 3:
+    exact = ~(above | below)
+    if not below.any() and np.unique(x[exact]).size < 3:
         raise AnalysisError("a cloud needs demands at three different intensities at least that are not censored")
-    slope, intercept = np.polyfit(x[~above], y[~above], 1)
-    sigma = float(np.sqrt(np.mean((y[~above] - intercept - slope * x[~above]) ** 2)))
+    slope, intercept = np.polyfit(x[exact], y[exact], 1)
+    sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):
         raise AnalysisError("all demands lie on one line: the dispersion cannot be told")
-    observed = Observations(
-        np.column_stack([-np.ones(x.size), -x, y]), np.zeros(x.size, bool), above, np.ones(x.size), 2
-    )
-    found = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
-    if found is None or not found[0][1] > 0.0:
+    if below.any():  # Between two limits the slope may have either sign: begin with that of all demands.
+        slope, intercept = np.polyfit(x, y, 1)
+        sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
+    observed = Observations(np.column_stack([-np.ones(x.size), -x, y]), below, above, np.ones(x.size), 2)
+    solution = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
+    if solution is None or not solution[0][1] > 0.0:
         raise AnalysisError("demands do not grow with intensity: no line with a positive slope fits the cloud")
-    (g0, g1, h), covariance = found
+    (g0, g1, h), covariance = solution
     return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
 
 
@@ -451,10 +588,10 @@ def _lognormal(
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1)
-    found = maximize(observed, np.array([0.0, 1.0]))
-    if found is None:
+    solution = maximize(observed, np.array([0.0, 1.0]))
+    if solution is None:
         return None
-    (a, b), covariance = found
+    (a, b), covariance = solution
     jacobian = spread * np.array([[-1.0 / b, a / b**2], [0.0, -1.0 / b**2]])
     return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
 
@@ -473,6 +610,6 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     return Points(np.array(im), np.array(part))
 
 
-def _check_positive(values: Array, what: str) -> None:
+def _check_positive(values: Array, name: str) -> None:
     if not np.all(np.isfinite(values) & (values > 0.0)):
-        raise UsageError(f"{what} must be positive numbers")
+        raise UsageError(f"{name} must be positive numbers")

@@ -16,26 +16,25 @@ import numpy as np
 from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelError, UsageError
-from tdint.model.config import damage
+from tdint.model.capacity import UNIT_MASS, CapacityFacts
+from tdint.model.config import sections
 from tdint.model.damage_states import CAPACITY, DEMANDS, HAZUS, HAZUS_DISPERSION, STATES, DamageStates
 from tdint.model.definition import Model, Story
-from tdint.model.inventory.capacity import UNIT_MASS, CapacityFacts
-from tdint.model.inventory.derive import CAPACITY as CAPACITY_RULES
-from tdint.model.inventory.derive import RULES
-from tdint.model.inventory.mdof_lu import BuildingFacts, code_of, hazus_types
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import Either, EntriesOf, Key, Keys, Words
+from tdint.model.inventory import CAPACITY as CAPACITY_RULES
+from tdint.model.inventory import RULES
+from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, Value, Words
+from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
 _WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
-_THRESHOLDS, _LOSSES = Either((damage.THRESHOLDS, Words())), Either((damage.ByState(damage.LOSS), Words()))
+_THRESHOLDS, _LOSSES = Either((sections.THRESHOLDS, Words())), Either((sections.ByState(sections.LOSS), Words()))
 DAMAGE = Keys(
     (
-        damage.DEMAND,
+        sections.DEMAND,
         Key("states", EntriesOf(Words(), least=1), f"names of the states, from the lightest; {', '.join(STATES)}"),
         Key("thresholds", _THRESHOLDS, f"median demand of each state; or {_WHERE}", needed=True),
-        damage.DISPERSION,
+        sections.DISPERSION,
         Key("losses", _LOSSES, "loss ratio in each state; or a CSV file by class"),
     )
 )
@@ -57,7 +56,7 @@ class DamageWishes:
     Attributes
     ----------
     demand : str
-        What states are told by, one of `tdint.model.damage_states.DEMANDS`.
+        What states are told by, one of `tdint.model.definition.DEMANDS`.
     states : tuple of str
         Names of the states, from the lightest.
     of_all : DamageStates or None
@@ -65,7 +64,7 @@ class DamageWishes:
     source : str
         Else `hazus`, `capacity` or a CSV file of thresholds by class.
     dispersion : float or None
-        As of `tdint.model.damage_states.DamageStates`; None where a table has it.
+        As of `tdint.model.definition.DamageStates`; None where a table has it.
     losses : tuple of float
         The loss ratio of each state and after a collapse, the same for all.
     loss_file : str or None
@@ -95,8 +94,8 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
-        found = damage.states_of(section, demand or "", thresholds)
-        return DamageWishes(found.demand, found.states, found) if found else None
+        read = sections.states_of(section, demand or "", thresholds)
+        return DamageWishes(read.demand, read.states, read) if read else None
     losses.fault("must be a mapping by state, as the thresholds are")
     return None
 
@@ -124,7 +123,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         section.need("dispersion", "give 0 for thresholds that are exact")
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None
-    losses = damage.read_losses(of_all, states)
+    losses = sections.read_losses(of_all, states)
     file = given.file() if given and not of_all else None
     return (
         None
@@ -146,11 +145,11 @@ def _names(section: Section) -> tuple[str, ...] | None:
     if value is None:
         return STATES
     names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
-    found = tuple(name for name in names if name)
-    if not found or len(set(found)) < len(names) or not all(map(damage.is_state, found)):
+    given = tuple(name for name in names if name)
+    if not given or len(set(given)) < len(names) or not all(map(sections.is_state, given)):
         value.fault("must be names, each its own: words of letters, digits, _ and -")
         return None
-    return found
+    return given
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ class ClassDamage:
     losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
-def read_class_damage(wanted: DamageWishes | None) -> ClassDamage:
+def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     """What the tables say that a campaign names.
 
     Raises
@@ -169,54 +168,54 @@ def read_class_damage(wanted: DamageWishes | None) -> ClassDamage:
     ModelError
         One cannot be read, or what it says makes no sense.
     """
-    if wanted is None:
+    if request is None:
         return ClassDamage()
-    states = _read_states(wanted) if wanted.source not in ("", HAZUS, CAPACITY) else {}
-    return ClassDamage(states, _read_losses(wanted) if wanted.loss_file else {})
+    states = _read_states(request) if request.source not in ("", HAZUS, CAPACITY) else {}
+    return ClassDamage(states, _read_losses(request) if request.loss_file else {})
 
 
-def _read_states(wanted: DamageWishes) -> dict[str, DamageStates]:
+def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
     each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
     rows of a class one has them; the others may repeat them or be empty."""
-    table = read_table(wanted.source, "thresholds are a CSV file with the column class and one for each damage state")
-    suffixes = _SUFFIXES[DEMANDS[wanted.demand].unit]
-    there = (one for one in suffixes if table.has(*(f"{state}{one}" for state in wanted.states)))
+    table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
+    suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
+    there = (one for one in suffixes if table.has(*(f"{state}{one}" for state in request.states)))
     suffix = next(there, next(iter(suffixes)))
-    columns = {state: f"{state}{suffix}" for state in wanted.states}
-    if wanted.dispersion is None:
+    columns = {state: f"{state}{suffix}" for state in request.states}
+    if request.dispersion is None:
         table.need(*columns.values(), "beta")
-    rows = _of_classes(table, {**columns, **({"beta": "beta"} if wanted.dispersion is None else {})})
-    found = {}
+    rows = _of_classes(table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})})
+    by_class = {}
     for name, values in rows.items():
-        beta = values.pop("beta", wanted.dispersion or 0.0)
+        beta = values.pop("beta", request.dispersion or 0.0)
         try:
-            medians = tuple(suffixes[suffix] * values[state] for state in wanted.states)
-            found[name] = DamageStates(wanted.demand, wanted.states, medians, beta, wanted.losses)
+            medians = tuple(suffixes[suffix] * values[state] for state in request.states)
+            by_class[name] = DamageStates(request.demand, request.states, medians, beta, request.losses)
         except UsageError as error:
-            raise ModelError(f"{wanted.source}: class {name}: {error}") from None
-    return found
+            raise ModelError(f"{request.source}: class {name}: {error}") from None
+    return by_class
 
 
-def _read_losses(wanted: DamageWishes) -> dict[str, tuple[float, ...]]:
+def _read_losses(request: DamageWishes) -> dict[str, tuple[float, ...]]:
     """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`."""
-    assert wanted.loss_file is not None
-    table = read_table(wanted.loss_file, "losses are a CSV file with the column class and one for each damage state")
-    columns = {state: state for state in wanted.states}
-    if table.has(damage.COLLAPSE):
-        columns[damage.COLLAPSE] = damage.COLLAPSE
+    assert request.loss_file is not None
+    table = read_table(request.loss_file, "losses are a CSV file with the column class and one for each damage state")
+    columns = {state: state for state in request.states}
+    if table.has(sections.COLLAPSE):
+        columns[sections.COLLAPSE] = sections.COLLAPSE
     rows = _of_classes(table, columns)
     for name, values in rows.items():
-        if not all(map(damage.LOSS.allow, values.values())):
-            raise ModelError(f"{wanted.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
-    return {name: damage.losses_of(values, wanted.states) for name, values in rows.items()}
+        if not all(map(sections.LOSS.allow, values.values())):
+            raise ModelError(f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
+    return {name: sections.losses_of(values, request.states) for name, values in rows.items()}
 
 
 def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
     """The numbers of each class that has some, by the keys of their columns."""
     table.need("class", *columns.values())
     cells = {key: list(table.lines(column)) for key, column in columns.items()}
-    found: dict[str, dict[str, float]] = {}
+    by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
         if not any(text for _, text in texts.values()):
@@ -227,9 +226,9 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
             if math.isnan(values[key]) or values[key] < 0.0:
                 said = no_number(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
-        if found.setdefault(name, values) != values:
+        if by_class.setdefault(name, values) != values:
             raise ModelError(f"{table.source}:{line}: class {name} has other numbers in a row above")
-    return found
+    return by_class
 
 
 class BuildingType(NamedTuple):
@@ -251,13 +250,13 @@ class Damage:
     def description(self) -> str:
         """The states of each type as a store keeps them, and the SHA-256 of what its buildings are; JSON."""
         whole = hashlib.sha256()
-        for one in self.buildings:
-            whole.update(repr(tuple(one)).encode())
+        for building in self.buildings:
+            whole.update(repr(tuple(building)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
         return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
 
-def damage_of(wanted: DamageWishes | None, classes: ClassDamage, buildings: Buildings) -> Damage | None:
+def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Buildings) -> Damage | None:
     """How the damage of a campaign is told; None where nothing is said of it.
 
     Raises
@@ -266,24 +265,24 @@ def damage_of(wanted: DamageWishes | None, classes: ClassDamage, buildings: Buil
         A type has no states, or its buildings have not what the demand is made of.
     """
     models = [one.made.model for one in buildings if isinstance(one, GivenBuilding)]
-    if wanted is None and not any(model.damage for model in models):
+    if request is None and not any(model.damage for model in models):
         return None
     types: dict[str, DamageStates] = {}
-    found: list[BuildingType] = []
+    of_buildings: list[BuildingType] = []
     for building in buildings:
         if isinstance(building, RowBuilding):
             facts = building.row.facts
             name = type_of(facts)
-            states = types.get(name) or _states(wanted, classes, name, facts)
-            one = _of_row(building, states.demand)
+            states = types.get(name) or _states(request, classes, name, facts)
+            row = _of_row(building, states.demand)
         else:
             model = building.made.model
             name = model.name
-            states = types.get(name) or (_states(wanted, classes, name) if wanted else _own(model, models))
-            one = _of_model(model, states.demand)
+            states = types.get(name) or (_states(request, classes, name) if request else _own(model, models))
+            row = _of_model(model, states.demand)
         types[name] = states
-        found.append(BuildingType(name, *one))
-    return Damage(types, found)
+        of_buildings.append(BuildingType(name, *row))
+    return Damage(types, of_buildings)
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
@@ -299,22 +298,22 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
 
 
 def _states(
-    wanted: DamageWishes | None, classes: ClassDamage, name: str, facts: BuildingFacts | CapacityFacts | None = None
+    request: DamageWishes | None, classes: ClassDamage, name: str, facts: BuildingFacts | CapacityFacts | None = None
 ) -> DamageStates:
     """The states of a type as the campaign says."""
-    assert wanted is not None
-    if wanted.of_all:
-        return wanted.of_all
-    if wanted.source in (HAZUS, CAPACITY):
-        medians = _HAZUS_OR_CURVE[wanted.source](facts)
-        states = DamageStates(wanted.demand, wanted.states, medians, wanted.dispersion or 0.0, wanted.losses)
+    assert request is not None
+    if request.of_all:
+        return request.of_all
+    if request.source in (HAZUS, CAPACITY):
+        medians = _HAZUS_OR_CURVE[request.source](facts)
+        states = DamageStates(request.demand, request.states, medians, request.dispersion or 0.0, request.losses)
     elif name in classes.states:
         states = classes.states[name]
     else:
-        raise ModelError(f"{wanted.source}: has no damage thresholds of the class {name!r}")
-    if wanted.loss_file and name not in classes.losses:
-        raise ModelError(f"{wanted.loss_file}: has no losses of the class {name!r}")
-    return replace(states, losses=classes.losses[name]) if wanted.loss_file else states
+        raise ModelError(f"{request.source}: has no damage thresholds of the class {name!r}")
+    if request.loss_file and name not in classes.losses:
+        raise ModelError(f"{request.loss_file}: has no losses of the class {name!r}")
+    return replace(states, losses=classes.losses[name]) if request.loss_file else states
 
 
 def _hazus_medians(facts: Any) -> tuple[float, ...]:

@@ -46,10 +46,21 @@ def read_at2(lines: Lines) -> list[Series]:
     header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
     while not lines.at_numbers():
         header.append(lines.take())
-    found = next(filter(None, map(_count_and_step, reversed(header))))
-    series = Series(lines.numbers(found[0]), found[1], _units(header), **_codes(header))
-    _check_rest(lines)
-    return [series]
+    count, step = next(filter(None, map(_count_and_step, reversed(header))))
+    values = lines.numbers(count)
+
+    # Station and component: the last two parts of the second line of PEER's own headers.
+    codes: Codes = {}
+    parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
+    if len(parts) > 2 and (component := _COMPONENT.match(parts[-1])):
+        codes = {"station": code(parts[-2]), "channel": component[1]}
+
+    # Words may follow the values, numbers may not.
+    while lines.peek() is not None:
+        if lines.at_numbers():
+            raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
+        lines.take()
+    return [Series(values, step, _units(header), **codes)]
 
 
 def _matches(lines: list[str]) -> bool:
@@ -76,18 +87,3 @@ def _units(header: list[str]) -> str:
         if motion_units(match[1]):
             return required_units(match[1], quantity)
     return ""
-
-
-def _codes(header: list[str]) -> Codes:
-    """Station and component: the last two parts of the second line of PEER's own headers."""
-    parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
-    component = _COMPONENT.match(parts[-1]) if len(parts) > 2 else None
-    return {"station": code(parts[-2]), "channel": component[1]} if component else {}
-
-
-def _check_rest(lines: Lines) -> None:
-    """Words may follow the values, numbers may not."""
-    while lines.peek() is not None:
-        if lines.at_numbers():
-            raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
-        lines.take()

@@ -13,7 +13,7 @@ from typing import Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
 from tdint.ground_motion.formats.series import Series, by_parts, code, first_match, header_field, required_units
-from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 
 _TITLE = re.compile(r"\s*\*\s*VOL1\w*\s+FILE:", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
@@ -89,7 +89,7 @@ def _header_number(lines: Lines, row: int, place: int) -> float:
 def _direction(letter: str, texts: list[str]) -> str:
     """The azimuth of a horizontal component in degrees, V for the vertical one."""
     azimuths = first_match(_AZIMUTHS, texts)
-    found: dict[str, str] = (
+    directions: dict[str, str] = (
         {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])} if azimuths else {}
     )
-    return found.get(letter, letter)
+    return directions.get(letter, letter)

@@ -31,7 +31,7 @@ from tdint.ground_motion.formats.series import (
     required_units,
     stated_peak,
 )
-from tdint.ground_motion.header_checks.statement import PEAK, Statement, compare, last_place
+from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
 from tdint.ground_motion.sampling_interval import equal_steps, finest_step
 
 REAL_WIDTH = 10

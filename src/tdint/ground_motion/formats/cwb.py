@@ -25,7 +25,7 @@ from tdint.ground_motion.formats.series import (
     required_units,
     stated_peak,
 )
-from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 from tdint.ground_motion.sampling_interval import equal_steps
 
 _STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)

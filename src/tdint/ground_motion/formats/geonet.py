@@ -56,7 +56,12 @@ def read_geonet(lines: Lines) -> list[Series]:
     reals = lines.numbers(_REALS, _WIDTH).tolist()
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
     pgv, pgd = (_MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others)
-    _check_step(reals[_STEP], texts)
+    # The sampling interval stands in the header twice, as a number and in words.
+    dt = reals[_STEP]
+    match = first_match(_INTERVAL, texts)
+    in_words = match[1] or match[2] if match else ""
+    if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
+        raise RecordError(f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s")
     units = _units(texts)
     series = Series(
         accelerations,
@@ -71,13 +76,6 @@ def read_geonet(lines: Lines) -> list[Series]:
         peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", units),
     )
     return [series]
-
-
-def _check_step(dt: float, texts: list[str]) -> None:
-    match = first_match(_INTERVAL, texts)
-    in_words = match[1] or match[2] if match else ""
-    if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
-        raise RecordError(f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s")
 
 
 def _units(texts: list[str]) -> str:

@@ -108,20 +108,20 @@ class Lines:
         self._next += 1
         return self._lines[self._next - 1]
 
-    def take_until(self, accept: Callable[[str], object], what: str) -> list[str]:
+    def take_until(self, accept: Callable[[str], object], expected: str) -> list[str]:
         """The lines before the next one that `accept` takes; that one is left to be read.
 
         Raises
         ------
         RecordError
-            No line is accepted; `what` names it.
+            No line is accepted; `expected` names it.
         """
         start = self._next
         for place in range(start, len(self._lines)):
             if accept(_beginning(self._lines[place])):
                 self._next = place
                 return list(map(_beginning, self._lines[start:place]))
-        raise RecordError(f"the file is cut off or damaged: after line {start} there is no {what}")
+        raise RecordError(f"the file is cut off or damaged: after line {start} there is no {expected}")
 
     def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
         """So many numbers, to the end of a line; shape (count,).
@@ -162,9 +162,9 @@ class Lines:
         first = self._next
         while len(values) < rows * columns:
             if self.peek() is None:
-                found = len(values) // columns
+                count = len(values) // columns
                 raise RecordError(
-                    f"the file is cut off: {rows} rows are announced after line {first}, there are {found}"
+                    f"the file is cut off: {rows} rows are announced after line {first}, there are {count}"
                 )
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()

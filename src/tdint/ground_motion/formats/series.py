@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
-from tdint.ground_motion.header_checks.statement import PEAK, SAMPLES, Statement, check_step, compare, last_place
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.miniseed_checks import PEAK, SAMPLES, Statement, check_step, compare, last_place
 from tdint.units import GROUND_MOTION, parse_units
 
 with quiet_import():
@@ -124,10 +124,10 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     if not series:
         raise RecordError("the file holds no acceleration")
     stream = Stream()
-    for one in _distinct(series):
-        check_step(one.dt)
-        compared = compare(_peak_statement(one))
-        stream.append(_trace(one, (*one.compared, *compared), headonly))
+    for part in _distinct(series):
+        check_step(part.dt)
+        compared = compare(_peak_statement(part))
+        stream.append(_trace(part, (*part.compared, *compared), headonly))
     return stream
 
 
@@ -153,41 +153,41 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
     return reader(wraps(read)(read_all))
 
 
-def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
+def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
     header: dict[str, Any] = {
-        "network": one.network,
-        "station": one.station,
-        "location": one.location,
-        "channel": one.channel,
-        "delta": one.dt,
-        "npts": one.samples.size,
+        "network": part.network,
+        "station": part.station,
+        "location": part.location,
+        "channel": part.channel,
+        "delta": part.dt,
+        "npts": part.samples.size,
         "tdint_compared": compared,
-        "tdint_peaks": (one.pgv, one.pgd),
-        "tdint_quantity": one.quantity,
+        "tdint_peaks": (part.pgv, part.pgd),
+        "tdint_quantity": part.quantity,
     }
-    if one.start is not None:
-        header["starttime"] = UTCDateTime(one.start)
-    if one.units is not None:
-        header["tdint_units"] = one.units
-        header["tdint_units_from"] = one.units_from
-    return Trace(header=header) if headonly else Trace(one.samples, header=header)
+    if part.start is not None:
+        header["starttime"] = UTCDateTime(part.start)
+    if part.units is not None:
+        header["tdint_units"] = part.units
+        header["tdint_units_from"] = part.units_from
+    return Trace(header=header) if headonly else Trace(part.samples, header=header)
 
 
 def _distinct(series: Sequence[Series]) -> list[Series]:
     """Components that share an id are told apart by their number in the file, as location code."""
     count = Counter(one.id for one in series)
     return [
-        one if count[one.id] == 1 else replace(one, location=f"{one.location}{i}")
-        for i, one in enumerate(series, start=1)
+        part if count[part.id] == 1 else replace(part, location=f"{part.location}{i}")
+        for i, part in enumerate(series, start=1)
     ]
 
 
-def _peak_statement(one: Series) -> list[Statement]:
-    if one.peak is None or not one.samples.size:
+def _peak_statement(part: Series) -> list[Statement]:
+    if part.peak is None or not part.samples.size:
         return []
-    peak = float(np.max(np.abs(one.samples))) * one.peak.factor
-    rounding = one.peak.rounding + 1e-9 * peak
-    return [Statement(PEAK, abs(one.peak.value), peak, rounding, one.peak.units, one.channel, measured=True)]
+    peak = float(np.max(np.abs(part.samples))) * part.peak.factor
+    rounding = part.peak.rounding + 1e-9 * peak
+    return [Statement(PEAK, abs(part.peak.value), peak, rounding, part.peak.units, part.channel, measured=True)]
 
 
 def motion_units(text: str) -> str | None:
@@ -203,8 +203,8 @@ def motion_units(text: str) -> str | None:
         return None
     if tenth and (units.has_factor or units.quantity != "acceleration"):
         return None
-    known = GROUND_MOTION[units.quantity]
-    name = next((name for name, scale in known.items() if scale == units.scale), units.text)
+    scales = GROUND_MOTION[units.quantity]
+    name = next((name for name, scale in scales.items() if scale == units.scale), units.text)
     return f"0.1 {name}" if tenth else name
 
 
@@ -224,8 +224,8 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
 
 def motion_scale(text: str, quantity: str) -> float | None:
     """Value in SI units of the unit of a velocity or a displacement; None if it is something else's."""
-    known = motion_units(text)
-    units = parse_units(known) if known else None
+    motion = motion_units(text)
+    units = parse_units(motion) if motion else None
     return units.scale if units and units.quantity == quantity else None
 
 
@@ -239,14 +239,14 @@ def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
     units, of_samples : str
         Those of the peak, and of the samples (`Series.units`).
     """
-    known = motion_units(units)
-    if not (known and of_samples and re.fullmatch(NUMBER, number)):
+    stated = motion_units(units)
+    if not (stated and of_samples and re.fullmatch(NUMBER, number)):
         return None
-    of_header, wanted = parse_units(known), parse_units(of_samples)
-    if of_header.quantity != wanted.quantity:
+    of_header, of_series = parse_units(stated), parse_units(of_samples)
+    if of_header.quantity != of_series.quantity:
         return None
-    factor = wanted.scale / of_header.scale
-    return StatedPeak(float(number), last_place(number), known, factor)
+    factor = of_series.scale / of_header.scale
+    return StatedPeak(float(number), last_place(number), stated, factor)
 
 
 def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:

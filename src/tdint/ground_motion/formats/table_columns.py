@@ -98,7 +98,7 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     return ()
 
 
-def place_of(wanted: str, names: tuple[ColumnName, ...], width: int) -> int:
+def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
     """The place, counted from 0, of the column with a number, counted from 1, or a name; case does not matter.
 
     Raises
@@ -106,30 +106,30 @@ def place_of(wanted: str, names: tuple[ColumnName, ...], width: int) -> int:
     RecordError
         There is none, or there are several, or it is that of the time.
     """
-    if wanted.isdecimal():
-        place = int(wanted) - 1 if len(wanted) < 10 else -1
+    if text.isdecimal():
+        place = int(text) - 1 if len(text) < 10 else -1
         if not 0 <= place < width:
-            raise RecordError(f"there is no column {wanted[:40]}; the table has {width}")
+            raise RecordError(f"there is no column {text[:40]}; the table has {width}")
     elif not names:
-        raise RecordError(f"there is no column {wanted[:40]!r}: the table has no names of columns; give its number")
+        raise RecordError(f"there is no column {text[:40]!r}: the table has no names of columns; give its number")
     else:
-        place = _named(wanted, names)
+        place = _named(text, names)
     if names and names[place].kind == TIME:
-        raise RecordError(f"column {wanted} is the time ({names[place].text})")
+        raise RecordError(f"column {text} is the time ({names[place].text})")
     return place
 
 
-def _named(wanted: str, names: tuple[ColumnName, ...]) -> int:
-    name = " ".join(wanted.lower().split())
+def _named(words: str, names: tuple[ColumnName, ...]) -> int:
+    name = " ".join(words.lower().split())
     ways = [[one.text.lower() for one in names], [one.plain for one in names], [one.component.lower() for one in names]]
     for way in ways:
-        found = [place for place, text in enumerate(way) if text == name]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            numbers = " and ".join(str(place + 1) for place in found)
-            raise RecordError(f"columns {numbers} are called {wanted[:40]!r}; give the number")
-    raise RecordError(f"there is no column {wanted[:40]!r}; there are {', '.join(one.text[:40] for one in names)}")
+        places = [place for place, text in enumerate(way) if text == name]
+        if len(places) == 1:
+            return places[0]
+        if places:
+            numbers = " and ".join(str(place + 1) for place in places)
+            raise RecordError(f"columns {numbers} are called {words[:40]!r}; give the number")
+    raise RecordError(f"there is no column {words[:40]!r}; there are {', '.join(one.text[:40] for one in names)}")
 
 
 def lacks_first_name(line: str) -> bool:
@@ -246,7 +246,12 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     RecordError
         It contradicts itself, or names more or fewer columns.
     """
-    declared = _together(lines)
+    # What lines declare, by the keys of _KEYS.
+    declared: dict[str, str] = {}
+    for line in lines:
+        for key, value in declared_in(line) or []:
+            if declared.setdefault(key, value) != value:
+                raise RecordError(f"its header gives {key} twice: {declared[key]!r} and {value!r}")
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
         raise RecordError(f"its header names {how_many(len(names), 'column')}, the rows have {width}")
@@ -294,22 +299,6 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     return declarations if comment or len(declarations) == len(parts) else None
 
 
-def _together(lines: list[str]) -> dict[str, str]:
-    """What lines declare, by the keys of _KEYS.
-
-    Raises
-    ------
-    RecordError
-        They contradict each other.
-    """
-    header: dict[str, str] = {}
-    for line in lines:
-        for key, value in declared_in(line) or []:
-            if header.setdefault(key, value) != value:
-                raise RecordError(f"its header gives {key} twice: {header[key]!r} and {value!r}")
-    return header
-
-
 def _declaration(text: str) -> tuple[str, str] | None:
     """Meaning and value of `key = value` with a known key."""
     match = _DECLARATION.fullmatch(text)
@@ -317,11 +306,11 @@ def _declaration(text: str) -> tuple[str, str] | None:
     return (meaning, match[2]) if match and meaning else None
 
 
-def _quantity(text: str, units: dict[str, float], what: str) -> float:
+def _quantity(text: str, units: dict[str, float], quantity: str) -> float:
     """A positive number with one of these units."""
     match = _QUANTITY.fullmatch(text)
     factor = units.get(match[2].lower()) if match else None
     if not match or factor is None or not float(match[1]) > 0.0:
-        known = ", ".join(filter(None, units))
-        raise RecordError(f"its header gives {what} as {text!r}; write a positive number, in {known}")
+        names = ", ".join(filter(None, units))
+        raise RecordError(f"its header gives {quantity} as {text!r}; write a positive number, in {names}")
     return float(match[1]) * factor

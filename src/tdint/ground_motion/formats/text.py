@@ -43,7 +43,7 @@ from tdint.ground_motion.formats.table_columns import (
     read_foreign_header,
     read_header,
 )
-from tdint.ground_motion.header_checks.statement import SAMPLES, STEP
+from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
 from tdint.ground_motion.sampling_interval import equal_steps
 from tdint.ground_motion.text_layout import AS_STATED, SAME_STEP, TextLayout
 from tdint.units import parse_units
@@ -97,7 +97,7 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     columns = _columns(lines, sum(map(_names_of, above)))
     width, size = len(columns), columns[0].size
     header = read_foreign_header(above, width, layout.skip_lines or 0) if layout else read_header(above, width)
-    chosen = list(dict.fromkeys(place_of(wanted, header.names, width) for wanted in layout.column))
+    chosen = list(dict.fromkeys(place_of(column, header.names, width) for column in layout.column))
     times = _times(columns, header.names, chosen, layout)
     stated = _stated_step(times, header)
     dt = stated or layout.step
@@ -152,8 +152,8 @@ def _accelerations(names: Names, places: range) -> list[int]:
     if not names:
         return list(places)
     for kind in MOTIONS:
-        if found := [place for place, name in enumerate(names) if name.kind == kind]:
-            return found
+        if chosen := [place for place, name in enumerate(names) if name.kind == kind]:
+            return chosen
     unknown = [place for place, name in enumerate(names) if name.kind != TIME]
     if len(unknown) > 1:
         raise RecordError(
@@ -166,22 +166,22 @@ def _accelerations(names: Names, places: range) -> list[int]:
 def _series(common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]) -> Series:
     """The component in a column."""
     names, declared = header.names, header.get("units")
-    one = replace(common, samples=columns[place])
+    part = replace(common, samples=columns[place])
     if not names:
         units = required_units(declared) if declared else ""
         return replace(
-            one, units=units, channel=one.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1)
+            part, units=units, channel=part.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1)
         )
     name = names[place]
     text = name.units or declared
     quantity = _quantity(name)
     units = required_units(text, quantity) if text else ""
     channel = name.component or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
-    one = replace(one, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
+    part = replace(part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
     if name.kind != "acceleration":
-        return one
+        return part
     pgv, pgd = (_peak_of(kind, name.component, names, columns) for kind in MOTIONS[1:])
-    return replace(one, pgv=pgv, pgd=pgd)
+    return replace(part, pgv=pgv, pgd=pgd)
 
 
 def _quantity(name: ColumnName) -> str:

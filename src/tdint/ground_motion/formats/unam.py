@@ -60,7 +60,17 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
-    _skip_repeated(lines, [float(column[-1]) for column in columns])
+    # Pass over rows beyond the announced ones that repeat the last one, with which some files end.
+    last = [float(column[-1]) for column in columns]
+    repeated = 0
+    while (line := lines.peek()) is not None and is_row_of_numbers(line) and row_of_numbers(line) == last:
+        lines.take()
+        repeated += 1
+    lines.expect_end()
+    if repeated:
+        warnings.warn(
+            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out", stacklevel=2
+        )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
     unit = required_units(units[1]) if units else ""
     return [
@@ -77,23 +87,10 @@ def read_unam(lines: Lines) -> list[Series]:
     ]
 
 
-def _skip_repeated(lines: Lines, last: list[float]) -> None:
-    """Pass over rows beyond the announced ones that repeat the last one, with which some files end."""
-    repeated = 0
-    while (line := lines.peek()) is not None and is_row_of_numbers(line) and row_of_numbers(line) == last:
-        lines.take()
-        repeated += 1
-    lines.expect_end()
-    if repeated:
-        warnings.warn(
-            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out", stacklevel=2
-        )
-
-
 def _of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
     """The values of all channels, from the lines for the first six and the others."""
-    found = (match[1].strip().lstrip("/").split("/") for match in filter(None, map(pattern.search, texts)))
-    return [value.strip() for value in chain.from_iterable(found) if value.strip()]
+    values = (match[1].strip().lstrip("/").split("/") for match in filter(None, map(pattern.search, texts)))
+    return [value.strip() for value in chain.from_iterable(values) if value.strip()]
 
 
 def _number(text: str) -> float:

@@ -125,8 +125,8 @@ def _moment(
 
 def _peak(reals: list[float], units: str) -> StatedPeak | None:
     """The larger of the stated maximum and minimum, None if they are not known."""
-    known = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
-    return StatedPeak(max(known), _ROUNDING * max(known), units) if len(known) == 2 else None
+    extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
+    return StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
 
 
 _TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)

@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.header_checks.check import compare_with_statements, look_at
-from tdint.ground_motion.header_checks.statement import Damaged
+from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
+from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
 
 LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
@@ -271,9 +271,9 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     if not numeric:
         raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
     speaker = "" if plugin.is_own else "ObsPy: "
-    own = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
+    of_traces = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
     notes = (*(speaker + message for message in messages), *differences)
-    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *own])))
+    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *of_traces])))
 
 
 @cache
@@ -287,14 +287,14 @@ def plugins() -> tuple[Plugin, ...]:
         ours = distribution("tdint").entry_points
     except PackageNotFoundError:  # Run from a source tree that is not installed.
         ours = EntryPoints()
-    own = sorted(ours.select(group=_GROUP).names)
-    return (*_named(theirs, _FIRST), *_named(ours, own), *_named(theirs, _REST))
+    names = sorted(ours.select(group=_GROUP).names)
+    return (*_named(theirs, _FIRST), *_named(ours, names), *_named(theirs, _REST))
 
 
 def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
-    found = {(entry.group, entry.name): entry for entry in entries}
+    by_name = {(entry.group, entry.name): entry for entry in entries}
     for name in names:
-        is_format, read_format = (found.get((f"{_GROUP}.{name}", one)) for one in ("isFormat", "readFormat"))
+        is_format, read_format = (by_name.get((f"{_GROUP}.{name}", one)) for one in ("isFormat", "readFormat"))
         if is_format and read_format:
             yield Plugin(name, is_format, read_format)
 
@@ -302,19 +302,19 @@ def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
 def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
     plugin = _format_of(data, layout)
     if plugin is None:
-        known = ", ".join(plugin.name for plugin in plugins())
-        reason = _foreign(data) or f"unknown format{_hint(data, layout)}; those that are read: {known}"
+        formats = ", ".join(plugin.name for plugin in plugins())
+        reason = _foreign(data) or f"unknown format{_hint(data, layout)}; those that are read: {formats}"
         raise RecordError(f"{source}: {reason}")
     return plugin
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
     with caught_messages():
-        found = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
-        if found is None and layout:
+        plugin_of_data = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
+        if plugin_of_data is None and layout:
             tables = (plugin for plugin in plugins() if plugin.name == TABLES)
-            found = next((plugin for plugin in tables if _accepts(plugin, data, layout=layout)), None)
-    return found
+            plugin_of_data = next((plugin for plugin in tables if _accepts(plugin, data, layout=layout)), None)
+    return plugin_of_data
 
 
 def _hint(data: bytes, layout: TextLayout) -> str:

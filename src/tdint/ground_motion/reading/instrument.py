@@ -12,7 +12,6 @@ from typing import Any
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import RecordError
@@ -127,7 +126,13 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
     unit = _input_unit(response)
     if unit not in _ACCELEROMETER_INPUT:
         notes.append(f"the instrument records {unit}, not acceleration: its long periods are amplified noise")
-    acceleration = _divided(samples, counts, np.ones_like(frequencies) if fade is None else _fading(frequencies, *fade))
+    # Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed.
+    passed = np.ones_like(frequencies) if fade is None else _fading(frequencies, *fade)
+    finite = np.isfinite(counts) & (counts != 0.0) & (passed > 0.0)
+    spectrum = np.fft.rfft(samples, 2 * (counts.size - 1))
+    spectrum[finite] *= passed[finite] / counts[finite]
+    spectrum[~finite] = 0.0
+    acceleration = np.fft.irfft(spectrum)[: samples.size]
     return acceleration, (*notes, *(f"ObsPy: {message}" for message in messages))
 
 
@@ -146,15 +151,6 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
     if not response.response_stages:
         raise RecordError(f"{label}: {instruments.source} gives {trace.id} without the stages of its response")
     return response
-
-
-def _divided(samples: Array, counts: NDArray[np.complex128], passed: Array) -> Array:
-    """Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed."""
-    known = np.isfinite(counts) & (counts != 0.0) & (passed > 0.0)
-    spectrum = np.fft.rfft(samples, 2 * (counts.size - 1))
-    spectrum[known] *= passed[known] / counts[known]
-    spectrum[~known] = 0.0
-    return np.fft.irfft(spectrum)[: samples.size]
 
 
 def _fading(frequencies: Array, start: float, end: float) -> Array:

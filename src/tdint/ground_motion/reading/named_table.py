@@ -60,17 +60,17 @@ class NamedTable:
 
     def numbers(self, place: int) -> NDArray[np.float64]:
         """The numbers of a column, shape (rows,); RecordError for a cell that is none or not finite."""
-        found = np.empty(len(self.rows))
+        values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
             try:
-                found[i] = float(cells[place].replace(",", ".") if self.comma else cells[place])
+                values[i] = float(cells[place].replace(",", ".") if self.comma else cells[place])
             except ValueError:
-                found[i] = np.nan
-            if not isfinite(found[i]):
+                values[i] = np.nan
+            if not isfinite(values[i]):
                 shown = cells[place].strip()[:40]
                 name = self.names[place][:40]
                 raise RecordError(f"{self.source}: line {line}: {name}: {shown!r} is no finite number")
-        return found
+        return values
 
 
 def read_named_table(source: str | Path) -> NamedTable:
@@ -125,15 +125,15 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         raise RecordError(f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}")
     times = SECONDS[time_units or "s"] * table.numbers(0)
     place = table.place(column)
-    found = parse_units(units) if units else _units_of(column, str(source))
+    stated = parse_units(units) if units else _units_of(column, str(source))
     try:
         step = equal_steps(times)
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     return Signal(
-        samples=found.scale * table.numbers(place),
+        samples=stated.scale * table.numbers(place),
         dt=step.dt,
-        quantity=found.quantity,
+        quantity=stated.quantity,
         label=f"{source}: {column}",
         start=float(times[0]),
         clock="table",

@@ -5,32 +5,153 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from logging import getLogger
+from math import isclose, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.header_checks.statement import LONGEST_STEP
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
-from tdint.ground_motion.reading.segments import (
-    Channel,
-    check_equal_sampling,
-    check_finite,
-    check_possible,
-    doubts,
-    group_channels,
-    join,
-)
-from tdint.ground_motion.record import Input, Record, station_of
+from tdint.ground_motion.record import Input, Record, masked_samples, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import Units, parse_units
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
     from tdint.ground_motion.reading.instrument import Instruments
+
+
+# ---- Join the traces of one channel and check its samples
+
+_IMPLAUSIBLE = 100.0
+"""Ten times gravity, m/s^2: four times the largest ground acceleration ever recorded."""
+
+_IMPOSSIBLE = 1e6
+"""m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave what floats hold."""
+
+_OFFSET = 0.02
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The traces of a file that share one id, in file order."""
+
+    id: str
+    code: str
+    traces: tuple[Any, ...]
+
+
+def group_channels(traces: Sequence[Any]) -> list[Channel]:
+    """Gather the traces of each channel, in the order in which the channels appear in the file."""
+    groups: dict[str, list[Any]] = {}
+    for trace in traces:
+        groups.setdefault(trace.id, []).append(trace)
+    return [Channel(name, str(members[0].stats.channel), tuple(members)) for name, members in groups.items()]
+
+
+def join(channel: Channel, label: str) -> Any:
+    """Join a channel's traces, which a file may hold in pieces, to one without gaps.
+
+    Returns
+    -------
+    obspy.Trace
+        At least two finite samples at a positive sampling interval; the type of the numbers is the file's.
+
+    Raises
+    ------
+    RecordError
+        A gap, an overlap, a change of the sampling interval, or samples that are missing or not finite.
+    """
+    pieces = sorted((t for t in channel.traces if len(t.data)), key=lambda trace: trace.stats.starttime)
+    if not pieces:
+        raise RecordError(f"{label}: the channel has no samples")
+    for piece in pieces:
+        # Each by itself: a clock that runs, on days that there are, and no sample that the reader has masked.
+        dt = float(piece.stats.delta)
+        if not (isfinite(dt) and dt > 0.0):
+            raise RecordError(f"{label}: the sampling interval is {dt:g} s; it must be positive")
+        try:
+            str(piece.stats.starttime), str(piece.stats.endtime)
+        except Exception:  # Python's and ObsPy's calendars raise different kinds beyond their last year.
+            raise RecordError(
+                f"{label}: the time of the record is beyond the calendar; its header is damaged"
+            ) from None
+        if missing := masked_samples(piece.data):
+            said = how_many(missing, "sample")
+            raise RecordError(f"{label}: {said} marked as missing; cut the record to its unbroken part")
+    for before, after in pairwise(pieces):
+        # One record: one sampling interval, one type, and the next sample one interval behind the last, to half of it.
+        dt, there = float(before.stats.delta), after.stats.starttime
+        if not isclose(dt, after.stats.delta, rel_tol=1e-6):
+            changed = f"changes from {dt:g} s to {after.stats.delta:g} s at {there}"
+            raise RecordError(f"{label}: the sampling interval {changed}; cut the record there")
+        if (before.data.dtype.kind == "f") != (after.data.dtype.kind == "f"):
+            raise RecordError(f"{label}: the samples before {there} and after are of different types")
+        slip = float(there - before.stats.endtime) - dt
+        if abs(slip) > 0.5 * dt:
+            break_ = f"a gap of {slip:.6g} s" if slip > 0.0 else f"an overlap of {-slip:.6g} s"
+            raise RecordError(f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken part")
+    whole = pieces[0]
+    if len(pieces) > 1:
+        whole = whole.copy()
+        whole.data = np.concatenate([piece.data for piece in pieces])
+    if len(whole.data) < 2:
+        raise RecordError(f"{label}: one sample only; a record needs two at least")
+    check_finite(whole.data, float(whole.stats.delta), label)
+    return whole
+
+
+def check_equal_sampling(intervals: Sequence[tuple[str, float]], source: str) -> None:
+    """Raise RecordError unless all channels (id, interval in s) have the same sampling interval."""
+    for name, dt in intervals:
+        if not isclose(dt, intervals[0][1], rel_tol=1e-6):
+            raise RecordError(
+                f"{source}: {name} is sampled at {dt:g} s and {intervals[0][0]} at {intervals[0][1]:g} s; "
+                "choose one component"
+            )
+
+
+def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
+    """Notes about an acceleration (m/s^2, shape (samples,)) that can hardly be a ground motion as it stands."""
+    peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
+    notes = []
+    if peak > _IMPLAUSIBLE:
+        notes.append(f"the largest acceleration is {peak:.4g} m/s^2; are the units right?")
+    if peak == 0.0:
+        notes.append("all samples are zero")
+    elif abs(mean) > _OFFSET * peak:
+        notes.append(f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is left in?")
+    return tuple(notes)
+
+
+def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
+    """Raise RecordError with the number and the first place of samples that are no finite numbers."""
+    bad = np.flatnonzero(~np.isfinite(samples))
+    if bad.size:
+        first = int(bad[0])
+        raise RecordError(
+            f"{label}: {bad.size} of {samples.size} samples are not finite numbers, the first is sample {first} "
+            f"(counted from 0) at {first * dt:g} s; repair or cut the record"
+        )
+
+
+def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
+    """Raise RecordError for an acceleration (m/s^2) that nothing on this planet has."""
+    peak = float(np.max(np.abs(acceleration)))
+    if peak > _IMPOSSIBLE:
+        raise RecordError(f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be right")
+
+
+# ---- Read
 
 _LOGGER = getLogger("tdint.assumptions")
 """For users of Python; the command line tells the warnings of `Record` itself."""
@@ -119,6 +240,11 @@ def make_record(
     name : str, optional
         What tables and messages call it; `trace`, `stream` or `array` where it is left out.
 
+    Returns
+    -------
+    Record
+        Acceleration in m/s^2. Its notes tell what was assumed and done.
+
     Raises
     ------
     UsageError
@@ -126,7 +252,7 @@ def make_record(
     RecordError
         As for `read_record`.
     """
-    wanted = None if units is None else parse_units(units)
+    parsed = None if units is None else parse_units(units)
     traces = [data] if hasattr(data, "stats") else list(getattr(data, "traces", ()))
     if traces:
         if dt is not None:
@@ -135,7 +261,7 @@ def make_record(
     elif hasattr(data, "traces"):
         raise RecordError(f"{name or 'stream'}: the stream has no traces")
     else:
-        if dt is None or wanted is None:
+        if dt is None or parsed is None:
             raise UsageError("samples in an array tell neither their interval nor their units; give dt and units")
         label = name or "array"
         if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
@@ -143,15 +269,15 @@ def make_record(
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
         traces = [_trace(checked, component or "")]
         component = None
-    found = [
+    components = [
         _Component(label, Contents(str(traces[0].stats.get("_format", "")), [], (), ()), channel)
         for channel in group_channels(traces)
     ]
     if component is not None:
-        found = [_choose(found, component, label)]
-    elif len(found) > 1:
-        raise RecordError(f"{label}: there are several components, choose one: {_listed(found)}")
-    return _to_record(found[0], join(found[0].channel, found[0].label), wanted, None)
+        components = [_choose(components, component, label)]
+    elif len(components) > 1:
+        raise RecordError(f"{label}: there are several components, choose one: {_listed(components)}")
+    return _to_record(components[0], join(components[0].channel, components[0].label), parsed, None)
 
 
 def _trace(record: Record, component: str) -> Any:
@@ -170,7 +296,21 @@ def read_horizontals(
 ) -> Horizontals:
     """Read the two horizontal components of a motion from its file, or from its files.
 
-    Parameters, and errors beside those of `find_horizontals`, are those of `read_records`.
+    Parameters
+    ----------
+    *sources : str or Path
+        A file with both, or one for each.
+    units, inventory, layout
+        As of `read_record`.
+
+    Returns
+    -------
+    Horizontals
+
+    Raises
+    ------
+    UsageError, RecordError
+        As by `read_record`; there are not two components, or they are no pair (`find_horizontals`).
     """
     from tdint.ground_motion.horizontals import find_horizontals
 
@@ -189,11 +329,11 @@ def _read(
 ) -> tuple[Record, ...]:
     if units is not None and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
-    wanted = None if units is None else parse_units(units)
-    found, input_file = _components(source, component, layout, single=single)
+    parsed = None if units is None else parse_units(units)
+    components, input_file = _components(source, component, layout, single=single)
     instruments = None if inventory is None else _instruments(inventory)
     inputs = (input_file, *([instruments.input] if instruments else []))
-    return tuple(replace(_to_record(one, trace, wanted, instruments), inputs=inputs) for one, trace in found)
+    return tuple(replace(_to_record(one, trace, parsed, instruments), inputs=inputs) for one, trace in components)
 
 
 def _instruments(inventory: str | Path) -> Instruments:
@@ -207,20 +347,20 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
 
     Parameters and errors are those of `read_record`.
     """
-    wanted = None if units is None else parse_units(units)
-    ((one, trace),), input_file = _components(source, component, AS_STATED, single=True)
-    motion = to_motion(trace, one.contents.format, wanted, one.label)
+    parsed = None if units is None else parse_units(units)
+    ((part, trace),), input_file = _components(source, component, AS_STATED, single=True)
+    motion = to_motion(trace, part.contents.format, parsed, part.label)
     dt = float(trace.stats.delta)
-    check_finite(motion.samples, dt, one.label)
+    check_finite(motion.samples, dt, part.label)
     start = _start(trace)
     return Signal(
         samples=motion.samples,
         dt=dt,
         quantity=motion.quantity,
-        label=one.label,
+        label=part.label,
         start=float(trace.stats.starttime.timestamp) if start else None,
         clock="UTC" if start else "",
-        notes=(*one.contents.notes, *motion.notes),
+        notes=(*part.contents.notes, *motion.notes),
         warnings=motion.warnings,
         input=input_file,
     )
@@ -235,18 +375,18 @@ def _components(
     name = str(source)
     data = read_bytes(source)
     parts = read_parts(data, name, layout)
-    found = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
+    components = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
     if component is not None:
         if not isinstance(component, str):
             raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
-        found = [_choose(found, component, name)]
-    elif single and len(found) > 1:
-        raise RecordError(f"{name}: the file has several components, choose one: {_listed(found)}")
-    traces = [join(one.channel, one.label) for one in found]
+        components = [_choose(components, component, name)]
+    elif single and len(components) > 1:
+        raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
+    traces = [join(one.channel, one.label) for one in components]
     for part, _ in parts:
-        of_part = (trace for one, trace in zip(found, traces, strict=True) if one.source == part)
+        of_part = (trace for one, trace in zip(components, traces, strict=True) if one.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
-    return list(zip(found, traces, strict=True)), digested(data, source)
+    return list(zip(components, traces, strict=True)), digested(data, source)
 
 
 @dataclass(frozen=True)
@@ -266,18 +406,18 @@ class _Component:
 def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:
     """The channel with this code, else with this id, else of this station (a floor is one: F04), else the only one
     whose code ends in this letter."""
-    wanted = component.strip().upper()
+    name = component.strip().upper()
     ways = (
-        [one for one in channels if one.channel.code.upper() == wanted],
-        [one for one in channels if one.channel.id.upper() == wanted],
-        [one for one in channels if station_of(one.channel.id).upper() == wanted],
-        [one for one in channels if len(wanted) == 1 and one.channel.code.upper().endswith(wanted)],
+        [one for one in channels if one.channel.code.upper() == name],
+        [one for one in channels if one.channel.id.upper() == name],
+        [one for one in channels if station_of(one.channel.id).upper() == name],
+        [one for one in channels if len(name) == 1 and one.channel.code.upper().endswith(name)],
     )
-    found = next((matches for matches in ways if matches), [])
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise RecordError(f"{source}: several components match {component!r}, choose one: {_listed(found)}")
+    channels_of_name = next((matches for matches in ways if matches), [])
+    if len(channels_of_name) == 1:
+        return channels_of_name[0]
+    if channels_of_name:
+        raise RecordError(f"{source}: several components match {component!r}, choose one: {_listed(channels_of_name)}")
     raise RecordError(f"{source}: there is no component {component!r}; there are {_listed(channels)}")
 
 
@@ -290,10 +430,10 @@ def _listed(components: Sequence[_Component]) -> str:
     return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
 
 
-def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: Instruments | None) -> Record:
-    channel, contents, label = one.channel, one.contents, one.label
+def _to_record(part: _Component, trace: Any, units: Units | None, instruments: Instruments | None) -> Record:
+    channel, contents, label = part.channel, part.contents, part.label
     if instruments is None:
-        motion = to_acceleration(trace, contents.format, wanted, label)
+        motion = to_acceleration(trace, contents.format, units, label)
     else:
         if declared_units(trace, contents.format, label):
             raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
@@ -312,7 +452,7 @@ def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: I
         start=_start(trace),
         id=channel.id,
         component=channel.code,
-        source=one.source,
+        source=part.source,
         notes=(*contents.notes, *motion.notes, *doubts(motion.samples)),
         warnings=motion.warnings,
         units=motion.units,

@@ -69,9 +69,9 @@ class Motion:
     warnings: tuple[str, ...] = ()
 
 
-def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: str) -> Motion:
+def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
     """Convert a trace's samples to m/s^2: as `to_motion`, and differentiated where they are no acceleration."""
-    motion = to_motion(trace, format_name, wanted, label)
+    motion = to_motion(trace, format_name, asked, label)
     if motion.quantity == "acceleration":
         return motion
     note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENCES}"
@@ -79,7 +79,7 @@ def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: s
     return replace(motion, samples=samples, notes=(*motion.notes, note))
 
 
-def to_motion(trace: Any, format_name: str, wanted: Units | None, label: str) -> Motion:
+def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
     """Convert a trace's samples to SI units, applying every factor exactly once.
 
     A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one convention, see
@@ -91,7 +91,7 @@ def to_motion(trace: Any, format_name: str, wanted: Units | None, label: str) ->
         Samples as they stand in the file.
     format_name : str
         ObsPy's name of the file's format.
-    wanted : Units or None
+    asked : Units or None
         What the user says the samples are.
     label : str
         File and channel, for messages.
@@ -101,28 +101,28 @@ def to_motion(trace: Any, format_name: str, wanted: Units | None, label: str) ->
     RecordError
         The samples are of unknown value, or the file contradicts the user.
     """
-    declared = declared_units(trace, format_name, label, wanted)
+    declared = declared_units(trace, format_name, label, asked)
     named = trace.stats.get("tdint_quantity")
-    if wanted and named and named != wanted.quantity:
+    if asked and named and named != asked.quantity:
         raise RecordError(
-            f"{label}: the file calls the samples a {named}, {wanted.text} is a unit of {wanted.quantity}; "
+            f"{label}: the file calls the samples a {named}, {asked.text} is a unit of {asked.quantity}; "
             f"give one of {named}"
         )
     if declared:
-        return _by_the_file(trace, declared, wanted, label)
+        return _by_the_file(trace, declared, asked, label)
     counts = trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
-    if counts and not (wanted and wanted.has_factor):
-        raise RecordError(f"{label}: {_why_refused(trace, wanted)}")
+    if counts and not (asked and asked.has_factor):
+        raise RecordError(f"{label}: {_why_refused(trace, asked)}")
     calibration = float(trace.stats.calib)
     notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
-    if wanted:
-        return _motion(_times(trace.data, wanted.scale), wanted, "given", notes)
+    if asked:
+        return _motion(_times(trace.data, asked.scale), asked, "given", notes)
     units, warning = assumed_units(trace, format_name, label)
     samples = _times(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
 
 
-def declared_units(trace: Any, format_name: str, label: str, wanted: Units | None = None) -> Declared | None:
+def declared_units(trace: Any, format_name: str, label: str, asked: Units | None = None) -> Declared | None:
     """What the file says about its samples' units, None if nothing.
 
     A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units` (empty where the user
@@ -134,15 +134,24 @@ def declared_units(trace: Any, format_name: str, label: str, wanted: Units | Non
         The file says that its samples are no ground motion, or not evenly spaced.
     """
     stats = trace.stats
-    own = stats.get("tdint_units")
-    if own:
-        return Declared(parse_units(own), stats.get("tdint_units_from", "file"))
+    of_reader = stats.get("tdint_units")
+    if of_reader:
+        return Declared(parse_units(of_reader), stats.get("tdint_units_from", "file"))
     if format_name == "MSEED" and stats.location == IN_SI and stats.channel[1:2] == _ACCELEROMETER:
         return Declared(Units("m/s^2", 1.0, False))
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
-        _refuse_other_sac(stats.sac, label, wanted)
+        # Refuse what a SAC header declares to be something else than an evenly sampled acceleration (SAC manual, IDEP).
+        sac = stats.sac
+        other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
+        if other and not (asked and asked.quantity == other):
+            raise RecordError(
+                f"{label}: the SAC header says that the samples are a {other}, not an acceleration; with units "
+                f"of a {other} they are differentiated"
+            )
+        if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
+            raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
     unit = _ascii_unit(trace)
     if unit in ("", "COUNTS", "COUNT"):
         return None
@@ -152,11 +161,11 @@ def declared_units(trace: Any, format_name: str, label: str, wanted: Units | Non
         raise RecordError(f"{label}: the header gives the samples in {unit[:40]}, which is no ground motion") from None
 
 
-def _by_the_file(trace: Any, declared: Declared, wanted: Units | None, label: str) -> Motion:
+def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str) -> Motion:
     units = declared.units
-    if wanted and not (isclose(wanted.scale, units.scale, rel_tol=1e-9) and wanted.quantity == units.quantity):
+    if asked and not (isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity):
         raise RecordError(
-            f"{label}: the file itself gives its units ({units.text}), {wanted.text} contradicts them; "
+            f"{label}: the file itself gives its units ({units.text}), {asked.text} contradicts them; "
             "leave the units out"
         )
     samples, notes = trace.data, []
@@ -202,12 +211,12 @@ def _times(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
         return np.asarray(samples, dtype=np.float64) * factor
 
 
-def _why_refused(trace: Any, wanted: Units | None) -> str:
-    if wanted:
-        return f'the samples are counts; write "1 {wanted.text}" if one count is 1 {wanted.text}, else {_CURES}'
+def _why_refused(trace: Any, asked: Units | None) -> str:
+    if asked:
+        return f'the samples are counts; write "1 {asked.text}" if one count is 1 {asked.text}, else {_CURES}'
     calibration = float(trace.stats.calib)
-    known = "" if calibration == 1.0 else f" (the header's calibration factor {calibration:g} has no unit)"
-    return f"the samples are counts of a recorder, not an acceleration{known}; {_CURES}"
+    factor = "" if calibration == 1.0 else f" (the header's calibration factor {calibration:g} has no unit)"
+    return f"the samples are counts of a recorder, not an acceleration{factor}; {_CURES}"
 
 
 def _ascii_unit(trace: Any) -> str:
@@ -215,18 +224,6 @@ def _ascii_unit(trace: Any) -> str:
     unit = str(trace.stats.get("ascii", {}).get("unit", "")).upper()
     # Without a unit ObsPy reports the header's last word, which is the type of the numbers.
     return "" if re.fullmatch(r"INTEGER|INT\d+|FLOAT\d*|DOUBLE|ASCII|UNKNOWN", unit) else unit
-
-
-def _refuse_other_sac(sac: Any, label: str, wanted: Units | None) -> None:
-    """Refuse what a SAC header declares to be something else than an evenly sampled acceleration (SAC manual, IDEP)."""
-    other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
-    if other and not (wanted and wanted.quantity == other):
-        raise RecordError(
-            f"{label}: the SAC header says that the samples are a {other}, not an acceleration; with units "
-            f"of a {other} they are differentiated"
-        )
-    if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
-        raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
 
 
 _ACCELEROMETER = "N"

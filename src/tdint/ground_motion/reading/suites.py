@@ -9,15 +9,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
-from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
+from tdint.files import STDIN, is_folder, keep_input
+from tdint.ground_motion.horizontals import (
+    USUAL,
+    Horizontals,
+    PairNames,
+    files_of_motions,
+    find_horizontals,
+    is_vertical,
+    told_once,
+    with_component,
+)
 from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-from tdint.input_bytes import STDIN, is_folder
 
 _MOST_NAMES = 10
 
@@ -62,11 +70,14 @@ def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sour
             files.append(argument)
             continue
         try:
-            found, others = _contents(argument, layout)
+            inside, others = _contents(argument, layout)
         except RecordError as error:
             failures.append(error)
             continue
-        files += found
+        files += inside
+        for file in inside:
+            keep_input(file)  # which other processes may read
+        others = [name for name in others if name != "LICENSE"]  # of the records, which goes with them
         if others:
             notes.append(f"{argument}: not taken for records: {_listed(others)}")
     return Sources(tuple(files), tuple(notes), tuple(failures))
@@ -156,8 +167,8 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         As of `records_of` and `read_pairs`.
     """
     sources = records_of(named, choice.layout)
-    found = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
-    return Suite(found.motions, (*sources.failures, *found.failures), (*sources.notes, *found.notes))
+    motions = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
+    return Suite(motions.motions, (*sources.failures, *motions.failures), (*sources.notes, *motions.notes))
 
 
 def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
@@ -171,17 +182,17 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
     notes: list[str] = []
     for file in files:
         try:
-            found = read_chosen(file, choice)
+            components = read_chosen(file, choice)
         except RecordError as error:
             failures.append(error)
             continue
-        left = [one for one in found if choice.component is None and is_vertical(one.component)]
-        if left and len(left) == len(found):
+        left = [one for one in components if choice.component is None and is_vertical(one.component)]
+        if left and len(left) == len(components):
             failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
             continue
         if left:
             notes.append(f"{file}: vertical, left out: {', '.join(one.component for one in left)}")
-        records += [one for one in found if not any(one is other for other in left)]
+        records += [one for one in components if not any(one is other for other in left)]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
@@ -200,8 +211,8 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
     notes = [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"] if others else []
     for group in groups:
         try:
-            found = [with_component(record) for file in group for record in read_chosen(file, choice)]
-            pair: Horizontals = find_horizontals(found)
+            components = [with_component(record) for file in group for record in read_chosen(file, choice)]
+            pair: Horizontals = find_horizontals(components)
         except RecordError as error:
             failures.append(error)
             continue
@@ -235,10 +246,10 @@ class SuiteMotion:
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
     """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
-    found = [(one, records) for one in whole for records in [components(one)]]
-    names = iter(component_names([record for _, records in found for record in records]))
+    motions = [(one, records) for one in whole for records in [components(one)]]
+    names = iter(component_names([record for _, records in motions for record in records]))
     return tuple(
-        SuiteMotion(record, record.source, next(names), one, direction)
-        for one, records in found
+        SuiteMotion(record, record.source, next(names), motion, direction)
+        for motion, records in motions
         for direction, record in enumerate(records, start=1)
     )

@@ -37,8 +37,16 @@ _MATH = {
 }
 """What an object may leave to the C library."""
 
-_OF_NUMBAS_MACHINE = re.compile(r"^(target (datalayout|triple) = |@_ZN08NumbaEnv).*\n", re.MULTILINE)
-"""What is of the machine that numba compiles for, and pointers to Python's objects, which nothing refers to."""
+_OF_NUMBAS_MACHINE = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
+
+_OF_PYTHON = re.compile(r"^@(_ZN08NumbaEnv|\.const\.pickle).*\n", re.MULTILINE)
+"""Python's objects: pointers that nothing refers to, and exceptions, pickled with the file that raises them."""
+
+_EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
+"""What is handed to the caller beside the code that tells of an exception."""
+
+_DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
+_SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
@@ -160,7 +168,11 @@ def objects_of(
     if left := _left_open(text):
         raise ValueError(f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise")
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
-    return [_emitted(text, target) for target in targets], symbol
+    text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
+    # numba numbers functions in the order in which they are compiled. Here each is named by its place.
+    names = {name: f"{function.__name__}.{place}" for place, name in enumerate(_DEFINED.findall(text))}
+    text = _SYMBOL.sub(lambda use: f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0], text)
+    return [_emitted(text, target) for target in targets], names[symbol]
 
 
 def _emitted(text: str, target: Target) -> bytes:

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
 
-from tdint.errors import OutputError
+from tdint.errors import OutputError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant
 from tdint.system import locked, processors
 
@@ -53,7 +53,10 @@ def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
 
 def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
     missing = [(kernel, kernel.needs(variant)) for kernel, variant in wanted if not kernel.loaded(variant)]
-    if os.environ.get("TDINT_KERNELS") == "python":
+    how = os.environ.get("TDINT_KERNELS", "")
+    if how not in ("", "python", "whole", "compile"):
+        raise UsageError(f"TDINT_KERNELS={how}: it is python, whole, or not set")
+    if how == "python":
         for kernel, variant in missing:
             kernel.take(variant, _plain(kernel.function))
         return
@@ -105,7 +108,7 @@ def _compile(
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(wanted)
     loops = "loop" if count == 1 else "loops"
-    names = ", ".join(map(_shown, wanted))
+    names = ", ".join(dict.fromkeys(map(_shown, wanted)))
     LOG.info(
         "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(wanted), names, kept
     )
@@ -193,6 +196,9 @@ def compile_ahead(
         if not store.has(kernel.name, variant.text, named(target), folder)
     ]
     written: list[Path] = []
+    if folder is not None:
+        with suppress(OSError):  # said when something is kept
+            folder.mkdir(parents=True, exist_ok=True)
     for kernel, variant, target, data in _made(missing):
         try:
             path = store.keep(data, kernel.name, variant.text, target, folder)
@@ -214,7 +220,7 @@ def _made(missing: Iterable[tuple[Compilable, Variant, str]]) -> Iterator[tuple[
     absent = []
     for kernel, variant, name in missing:
         target = named(name)
-        if found := target.platform == sys.platform and store.look_up(kernel.name, variant.text, (target,)):
+        if found := store.look_up(kernel.name, variant.text, (target,)):
             yield kernel, variant, target, found[0].read_bytes()
         else:
             absent.append((kernel, variant, name))
@@ -223,8 +229,9 @@ def _made(missing: Iterable[tuple[Compilable, Variant, str]]) -> Iterator[tuple[
             yield one.kernel, one.variant, target, data
 
 
-def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str]]:
-    """Each kernel, its variant, and the file that is loaded for it: empty for one to be compiled."""
+def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
+    """Each kernel, its variant, the file that is loaded for it, and where that comes from; empty for one to be
+    compiled."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
@@ -232,5 +239,6 @@ def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, 
     for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in wanted):
         tried = (store.look_up(kernel.name, one.text, runnable()) for one in _serving(variant))
         found = next(filter(None, tried), None)
-        rows.append((kernel.name, variant.text.replace(",", " "), str(found[0]) if found else ""))
+        file, origin = (str(found[0]), store.origin(found[0])) if found else ("", "")
+        rows.append((kernel.name, variant.text.replace(",", " "), file, origin))
     return rows

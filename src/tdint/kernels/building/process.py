@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 import os
@@ -19,11 +20,14 @@ from typing import IO, Any
 
 from tdint.errors import AnalysisError
 from tdint.kernels.building.compilable import Compilable, Variant
-from tdint.kernels.building.sources import OUTSIDE, size
+from tdint.kernels.building.sources import OUTSIDE, closure, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.system import processors
 
-_PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
+_PLACE = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line |\s\()(\d+)')
+"""As Python and numba name a place."""
+
+_MISSING = re.compile(r"name '(\w+)'")
 
 
 @dataclass(frozen=True)
@@ -73,17 +77,34 @@ class Compilation:
         return self.kernel.name, None if module.__name__.startswith("tdint.") else str(module.__file__)
 
     def reason(self, text: list[str]) -> str:
-        """The last line that its process wrote; with plug-ins, what numba says of them and the line it says it of."""
-        own = self.request[1]
-        files = [file for _, file in self.plugins.values()] + ([own] if own else [])
-        names = {Path(file).name: file for file in files}
-        places = [found for line in text if (found := _PLACE.search(line)) and found[1] in names]
-        if not files or not text:
-            return text[-1] if text else ""
-        after = next((i for i, line in enumerate(text) if "Failed in nopython" in line), len(text) - 2)
-        said = next((line.strip() for line in text[after + 1 :] if line.strip()), text[-1])
-        place = f"{names[places[-1][1]]}:{places[-1][2]}" if places else files[-1]
-        return f"{place}: {said}"
+        """What numba says behind its last "Failed in nopython", and where: the file and the line; else the last line
+        that the process wrote."""
+        marks = [i for i, line in enumerate(text) if "Failed in nopython" in line]
+        behind = [line.strip() for line in text[marks[-1] + 1 :] if line.strip()] if marks else text[-1:]
+        said = " ".join(behind[: 2 if behind[0].endswith(":") else 1]) if behind else ""
+        if not said:
+            return ""
+        outside = [file for _, file in self.plugins.values()] + ([self.request[1]] if self.request[1] else [])
+        files = [Path(file) for file in outside]
+        files += [file for file in closure(self.module, self.variant.laws).values() if file not in files]
+        # A name that is not there has no place in what numba says.
+        if missing := _MISSING.search(said):
+            place = next((f"{file}:{line}" for file in files if (line := _line_of(missing[1], file))), "")
+        else:
+            named = {file.name: file for file in reversed(files)}
+            found = filter(None, map(_PLACE.search, (*behind, *text[::-1])))
+            places = [f"{named[one[1]]}:{one[2]}" for one in found if one[1] in named]
+            own = [one for one in places if one.startswith(tuple(outside))] if outside else []
+            place = next(iter([*own, *places]), "")
+        return f"{place or (outside[-1] if outside else '')}: {said}".removeprefix(": ")
+
+
+def _line_of(name: str, file: Path) -> int:
+    """The line of a source on which a name is used first; 0 if it is not."""
+    if file.suffix != ".py":
+        return 0
+    names = (node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.Name))
+    return min((node.lineno for node in names if node.id == name and isinstance(node.ctx, ast.Load)), default=0)
 
 
 class _Process:
@@ -99,7 +120,11 @@ class _Process:
             stdin=pipe,
             stdout=pipe,
             stderr=pipe,
-            env={**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile", "OPENBLAS_NUM_THREADS": "1"},
+            env={
+                **{**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile"},
+                "OPENBLAS_NUM_THREADS": "1",
+                "PYTHONHASHSEED": "0",  # numba goes through sets of names
+            },
         )
         self._beside = ThreadPoolExecutor(1)  # a temporary file would need a folder for it
         self._words = self._beside.submit(self._pipe(self._process.stderr).read)
@@ -123,7 +148,9 @@ class _Process:
             return packed
         code = self._process.wait()
         text = self._words.result().decode(errors="replace").strip().splitlines()
-        raise AnalysisError(f"{wanted.kernel.name} cannot be compiled: {wanted.reason(text) or f'exit code {code}'}")
+        said = wanted.reason(text) or f"exit code {code}"
+        whole = RuntimeError("\n".join(text))  # shown with --debug
+        raise AnalysisError(f"{wanted.kernel.name} cannot be compiled: {said}") from whole
 
     def end(self) -> None:
         """End it, whatever it does."""

@@ -10,6 +10,7 @@ import ast
 import hashlib
 import re
 import sys
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +23,10 @@ _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "targ
 
 OUTSIDE: dict[str, str] = {}
 """The modules of the laws of plug-ins, by the law's name: told by who makes a law known."""
+
+CODE: dict[str, dict[str, str]] = {}
+"""SHA-256 of the files that a plug-in's law or method was executed from, by the file's name, of each `law NAME` and
+`method NAME`: told by who makes it known."""
 
 _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -83,6 +88,28 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     return found
 
 
+def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
+    """SHA-256 of the files of modules from outside and of what they import, by their names; `package` stands before."""
+    found: dict[str, str] = {}
+    seen, new = set[str](), list(modules)
+    while new:
+        name = new.pop()
+        if name in seen or name.partition(".")[0] == "tdint" or (file := _file(name)) is None:
+            continue
+        seen.add(name)
+        # A file of its own by its name, one of a package with the package's: `helpers/rows.py`.
+        depth = name.count(".") + 1 + (file.stem == "__init__")
+        found[package + "/".join(file.parts[-depth:])] = hashlib.sha256(file.read_bytes()).hexdigest()
+        new += _imported(file, name)
+    return dict(sorted(found.items()))
+
+
+def code_of(named: Iterable[str]) -> dict[str, str]:
+    """SHA-256 of the files that these laws and methods were executed from, `law NAME` and `method NAME`; ours have
+    none."""
+    return dict(sorted(item for name in set(named) for item in CODE.get(name, {}).items()))
+
+
 @cache
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name in one."""
@@ -98,6 +125,8 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
 @cache
 def _imported(file: Path, module: str) -> tuple[str, ...]:
     """What a module from outside imports of anything but the standard library and the compiler, at any depth."""
+    if file.suffix != ".py":  # compiled: it counts as it is
+        return ()
     package = getattr(sys.modules.get(module), "__package__", None) or ""
     names: list[str] = []
     for node in ast.walk(ast.parse(file.read_bytes())):
@@ -110,12 +139,16 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
     return tuple(name for name in names if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
-@cache
 def _file(module: str) -> Path | None:
     """The source of a module; None for what is none."""
-    first, *rest = module.split(".")
-    if first != "tdint":
+    if module.partition(".")[0] != "tdint":
         own = getattr(sys.modules.get(module), "__file__", None)
         return Path(own) if own else None
+    return _own_file(module)
+
+
+@cache
+def _own_file(module: str) -> Path | None:
+    _, *rest = module.split(".")
     path = _PACKAGE.joinpath(*rest)
     return next((one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None)

@@ -22,6 +22,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from tdint.errors import UsageError
 from tdint.kernels.building.compilable import parse
 from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
@@ -49,11 +50,20 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
 
 
 def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
-    """File, object and symbol of a kernel for the first of the targets that has one; None if there is none.
+    """File, object and symbol of a kernel for the first of the targets, all of one platform, that has one; or None.
 
     What is damaged, or belongs to someone else who is not the package's owner, does not count.
     """
-    return next(filter(None, (_look_up_in(*place, name, variant, targets) for place in _places())), None)
+    places = _places(targets[0].platform)
+    return next(filter(None, (_look_up_in(*place, name, variant, targets) for place in places)), None)
+
+
+def origin(file: Path) -> str:
+    """Where an object that was found comes from: `wheel` (it came with the package), `TDINT_KERNELS_DIR` or `cache`."""
+    if file.is_relative_to(_PREBUILT):
+        return "wheel"
+    shared = os.environ.get("TDINT_KERNELS_DIR")
+    return "TDINT_KERNELS_DIR" if shared and file.is_relative_to(shared) else "cache"
 
 
 def has(name: str, variant: str, target: Target, folder: Path | None = None) -> bool:
@@ -64,13 +74,15 @@ def has(name: str, variant: str, target: Target, folder: Path | None = None) -> 
     return home is not None and bool(_look_up_in(home / folder_name(target.platform), folder is None, *wanted))
 
 
-def _places() -> Iterator[tuple[Path, bool]]:
+def _places(platform: str) -> Iterator[tuple[Path, bool]]:
     """Folders of objects, and whether what belongs to others does not count there."""
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
-        yield Path(shared) / folder_name(), False
+        if not Path(shared).is_dir():
+            raise UsageError(f"TDINT_KERNELS_DIR={shared}: there is no such folder; `tdint compile -o` makes it")
+        yield Path(shared) / folder_name(platform), False
     if home := cache_home():
-        yield home / folder_name(), True
-    yield _PREBUILT / sys.platform, False
+        yield home / folder_name(platform), True
+    yield _PREBUILT / platform, False
 
 
 def _look_up_in(

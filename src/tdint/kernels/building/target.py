@@ -30,7 +30,7 @@ _PLATFORMS = {"linux": "linux", "macos": "darwin", "windows": "win32"}
 _TRIPLES = {
     ("linux", True): "x86_64-unknown-linux-gnu",
     ("linux", False): "aarch64-unknown-linux-gnu",
-    ("darwin", True): "x86_64-apple-macosx11.0.0",
+    ("darwin", True): "x86_64-apple-macosx10.9.0",
     ("darwin", False): "arm64-apple-macosx11.0.0",
     ("win32", True): "x86_64-pc-windows-msvc",
 }
@@ -56,7 +56,7 @@ class Target:
         """Processor and features that numba, which knows those of this machine only, optimizes for."""
         if self == native():
             return self.cpu, self.features
-        if not _is_intel():
+        if _family() != "x86_64":
             return "generic", ""
         return self.cpu if self.cpu in LEVELS else "x86-64-v2", ""  # whose vectors are as long as those of ARM
 
@@ -72,8 +72,10 @@ class Target:
         )
 
 
-def _is_intel() -> bool:
-    return bool(llvm.get_process_triple().startswith("x86_64"))
+def _family() -> str:
+    """What processors this process runs on: `x86_64`, `aarch64`, or whatever else LLVM calls them."""
+    family = str(llvm.get_process_triple().partition("-")[0])
+    return {"amd64": "x86_64", "arm64": AARCH64}.get(family, family)
 
 
 @cache
@@ -112,8 +114,10 @@ def named(name: str) -> Target:
 
 @cache
 def runnable() -> tuple[Target, ...]:
-    """The targets whose objects this machine runs, the most fitting first."""
-    if not _is_intel():
+    """The targets whose objects this machine runs, the most fitting first: of a family that has no other, its own."""
+    if _family() == AARCH64:
         return native(), Target(AARCH64, "")
+    if _family() != "x86_64":
+        return (native(),)
     has = {name for name, present in llvm.get_host_cpu_features().items() if present}
     return native(), *(Target(name, "") for name, needed in LEVELS.items() if needed <= has)

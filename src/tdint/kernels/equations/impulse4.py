@@ -10,10 +10,9 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals, solve
+from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
     CLOSE,
     ITERATIONS,
@@ -25,8 +24,16 @@ from tdint.kernels.equations.iteration import (
     squares,
     too_far,
 )
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import (
+    COUPLING_ROWS,
+    ModalBlocks,
+    assemble_blocks,
+    factor_blocks,
+    factor_pairs,
+    solve_pairs_damped,
+)
 from tdint.kernels.linear_terms import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
+from tdint.kernels.stepping import Factors
 from tdint.kernels.stories.law_state import reach
 
 # Coefficients
@@ -42,6 +49,8 @@ BY_VELOCITY_1 = 8  # g1
 RATE_BY_INCREMENT = 9  # vc = these times (u1 - u0) / h, v0 and v1
 RATE_BY_VELOCITY_0 = 10
 RATE_BY_VELOCITY_1 = 11
+ROOT_RE = 12  # l / h, l^2 - th h l + be h^2 = 0
+ROOT_IM = 13
 
 
 class _Rows(NamedTuple):
@@ -52,6 +61,7 @@ class _Rows(NamedTuple):
     SLOPE_C: int = 1  # of the power-law dashpots
     SLOPE_1: int = 1
     LAST_CORRECTION: int = 2  # of DU and DV
+    PAIR: int = 2  # r1 + l r2, which becomes w: real and imaginary part
     SAVED: int = 3 + at.SPRING_ROWS  # state and springs at the start of a step that is done in pieces
     PIECE: int = 3  # motion at the start of a piece
     TURNS: int = 1  # drifts where stories turned in it
@@ -59,9 +69,12 @@ class _Rows(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Rows of a block of factors."""
+    """Rows of a block of factors: of the complex matrix for straight branches, and of Newton's iteration."""
 
-    FACTORED_C: int = 1  # its tangents; the step stands in the last column
+    STRAIGHT: int = 1  # the slopes of the complex one; the step stands in the last column
+    PIVOT: int = 2
+    MULTIPLIER: int = 2
+    FACTORED_C: int = 1  # the tangents of Newton's; the step stands in the last column of the next row
     FACTORED_1: int = 1
     FACTORED_SLOPE: int = 1  # the one at the end
     BLOCKS: int = 4
@@ -69,11 +82,14 @@ class _Block(NamedTuple):
 
 
 ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
-_BLOCK, STORE = at.chained(_Block)
+_BLOCK, _STORE = at.chained(_Block)
 
 
-def factor_rows(modes: int) -> int:
-    return STORE + 6 * modes + 1
+@inlined
+def factor_rows(modes):
+    """Rows of a block of factors for a building with `modes` modally damped modes: behind those of `_Block` come what
+    each of both matrices keeps of the modes."""
+    return _STORE + 2 * (6 * modes + 1)
 
 
 @inlined
@@ -85,34 +101,52 @@ def loads(linear_terms, forces, t, h, ground_0, ground_1, work):
 
 @inlined
 def solve_linear(coefficients, scene, h, memory, factors):
-    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all."""
-    linear_terms, modal, _, _, _ = scene
-    _, springs, work, _ = memory
-    n = linear_terms.shape[1] - 1
-    if _right_side(coefficients, scene, h, memory, factors):
-        for i in range(n):
-            work[ROW.TANGENT_C, i] = springs[at.SLOPE, i]
-            work[ROW.TANGENT_1, i] = springs[at.SLOPE, i]
-        _factor(coefficients, linear_terms, modal, h, work, factors)
-    solve(coefficients[BETA], modal, h, _kept(work, factors), n)
-    _motion(linear_terms, modal, memory.state, springs, work)
+    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all.
 
+    Kinematics (times M) and momentum are then
 
-@inlined
-def _right_side(coefficients, scene, h, memory, factors):
-    """What is out of balance without any motion into the rows of residuals. True if the factorization does not fit the
-    branches."""
+        (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
+
+    With l^2 - th h l + be h^2 = 0 the first one plus l times the second one is a single complex equation,
+
+        (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
+
+    whose matrix is symmetric and tridiagonal.
+    """
     linear_terms, modal, _, _, _ = scene
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
+    re = coefficients[ROOT_RE] * h
+    im = coefficients[ROOT_IM] * h
+    kept = Factors(work, factors + _BLOCK.PIVOT, factors + _BLOCK.MULTIPLIER, factors + _STORE + 6 * modal.shape[0] + 1)
+    damping = ModalBlocks(modal, re, -im, im, re)
+    straight = factors + _BLOCK.STRAIGHT
+    if _right_side(coefficients, scene, h, memory, straight):
+        for i in range(n):
+            work[straight, i] = springs[at.SLOPE, i]
+        work[straight, n] = h
+        factor_pairs(linear_terms, springs, (re, im), kept, damping, n)
+    solve_pairs_damped(kept, damping, ROW.PAIR, ROW.PAIR + 1, n)
+    _motion(linear_terms, modal, (re, im), state, springs, work)
+
+
+@inlined
+def _right_side(coefficients, scene, h, memory, straight):
+    """What is out of balance without any motion, r1 + l r2, into the rows PAIR. True if the slopes in row `straight` of
+    work, for which the matrix was factored, are not those of the present branches, or the step is another one."""
+    linear_terms, modal, _, _, _ = scene
+    state, springs, work, _ = memory
+    n = linear_terms.shape[1] - 1
+    re = coefficients[ROOT_RE] * h
+    im = coefficients[ROOT_IM] * h
     by_rate = coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
-    stale = work[factors + _BLOCK.FACTORED_1, n] != h
+    stale = work[straight, n] != h
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        stale |= springs[at.SLOPE, i] != work[factors + _BLOCK.FACTORED_1, i]
+        stale |= springs[at.SLOPE, i] != work[straight, i]
         link = linear_terms[at.LINK, i]
         mass = linear_terms[at.MASS, i]
         geometric = linear_terms[at.GEOMETRIC, i]
@@ -122,24 +156,31 @@ def _right_side(coefficients, scene, h, memory, factors):
         force = spring + linear_terms[at.STORY_DAMPER, i] * rate
         impulse = h * (spring + by_rate * (springs[at.SLOPE, i] + geometric) * rate)
         inertia = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v - (force - force_above)
-        work[momentum.R1, i] = mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia
-        work[momentum.R2, i] = work[momentum.IMPULSE, i] - (impulse - impulse_above)
+        balance = work[momentum.IMPULSE, i] - (impulse - impulse_above)
+        work[ROW.PAIR, i] = mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia + re * balance
+        work[ROW.PAIR + 1, i] = im * balance
         force_above = link * force
         impulse_above = link * impulse
-    add_modal_force(modal, state, at.VELOCITY, by_a1, work, momentum.R1, n)
+    add_modal_force(modal, state, at.VELOCITY, by_a1, work, ROW.PAIR, n)
     return stale
 
 
 @inlined
-def _motion(linear_terms, modal, state, springs, work):
-    """Motion at the end of the step from the increments in the rows of residuals."""
+def _motion(linear_terms, modal, root, state, springs, work):
+    """Motion at the end of the step from w in the rows PAIR: dv = im(w) / im(l), du = re(w) + re(l) dv."""
     n = linear_terms.shape[1] - 1
+    re, im = root
+    by_im = 1.0 / im
     force_above = 0.0
+    dv_below = work[ROW.PAIR + 1, n - 1] * by_im
+    du_below = work[ROW.PAIR, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
         link = linear_terms[at.LINK, i]
         below = max(i - 1, 0)
-        du = work[momentum.R1, i]
-        dv = work[momentum.R2, i]
+        du = du_below
+        dv = dv_below
+        dv_below = work[ROW.PAIR + 1, below] * by_im
+        du_below = work[ROW.PAIR, below] + re * dv_below
         v = state[at.VELOCITY, i] + dv
         work[momentum.DU, i] = du
         work[momentum.DV, i] = dv
@@ -147,8 +188,8 @@ def _motion(linear_terms, modal, state, springs, work):
         work[momentum.V1, i] = v
         geometric = linear_terms[at.GEOMETRIC, i]
         force = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        force += (springs[at.SLOPE, i] + geometric) * (du - link * work[momentum.R1, below])
-        force += linear_terms[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + work[momentum.R2, below]))
+        force += (springs[at.SLOPE, i] + geometric) * (du - link * du_below)
+        force += linear_terms[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + dv_below))
         outer = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v
         work[momentum.A1, i] = linear_terms[at.INVERSE_MASS, i] * (outer - (force - force_above))
         force_above = link * force
@@ -298,7 +339,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 @inlined
 def _kept(work, factors):
     """The factorization in a block of rows."""
-    return Factors(work, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + STORE)
+    return Factors(work, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
 @called

@@ -89,16 +89,10 @@ def in_balance(last, beta, linear_terms, h, state, work, report):
 
 
 @inlined
-def solve(beta, modal, h, factors, n):
-    """Solve with the factors in work for the residuals in the rows of `residuals`, in their place."""
-    solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
-
-
-@inlined
 def correct(beta, modal, h, factors, n):
     """Solve for the corrections with the factors in work and add them. True if they are rounding."""
     work = factors.table
-    solve(beta, modal, h, factors, n)
+    solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
     small = True
     for i in range(n):
         work[DU, i] += work[R1, i]

@@ -16,7 +16,6 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.iteration import ITERATIONS, SAME_TANGENT, SMALL, add_rows, balanced, too_far
 from tdint.kernels.equations.tridiagonal import (
@@ -27,15 +26,20 @@ from tdint.kernels.equations.tridiagonal import (
     solve_blocks_damped,
 )
 from tdint.kernels.laws.choosing import BENDING
-from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
+from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force, power_damper
+from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
-from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
+from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays, turns, turns_surely
 
 # Coefficients
 R = 0  # of dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
+
+
+MOST_CORNERS = 6  # in a step, at which it is looked closely
+_NODES = 2 * MOST_CORNERS + 3
 
 
 class _Rows(NamedTuple):
@@ -49,17 +53,27 @@ class _Rows(NamedTuple):
     X: int = 2  # residuals, then corrections, of the rises, then the bends
     CORRECTION: int = 2  # likewise
     SIZE: int = 1  # of what the displacements round, as a force
-    LEFT: int = 1  # 1 if the story leaves its branch
+    LEFT: int = 1  # 1 if the story leaves its branch; in the last column if any does
+    STEADY: int = 1  # 1 if the story does not turn in the step, even if its parabola does
     PATH: int = path.PATH_ROWS
     DASHPOT: int = 2  # mean and moment of the power-law dashpot's force
     FACTORED: int = 4  # tangents; the step stands in the last column
     BLOCKS: int = 4
     COUPLING: int = COUPLING_ROWS
+    CORNERS: int = 1 + MOST_CORNERS  # how many the stories' forces have in the step, and when
+    FORCES: int = _NODES  # of the stories at the nodes of `corners`, then total shears; their times in column n
+    MOTION: int = _NODES  # absolute accelerations of the floors there
+    WAYS: int = _NODES  # of the floors from the start of the step
+    RATES: int = _NODES  # h times their velocities
+    OTHER: int = 1  # modal damping
+    PEAKS: int = 2 * at.PEAK_ROWS  # of the run, beside which those at corners are looked for
 
 
 ROW, STORE = at.chained(_Rows)
 
 _BY_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)  # tangents of a linear branch over its slope: of mean and moment
+
+_DECIDING = 4  # solves until what stories have decided is kept: one that goes on changing it would never balance
 
 CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
@@ -93,7 +107,7 @@ def move(coefficients, scene, h, memory):
     else:
         _guess(h, state, work, n)
     while BENDING:
-        stale = _stories(coefficients, scene, h, memory)
+        stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING)
         size = _residuals(coefficients, linear_terms, modal, h, state, work)
         failing = iterations == ITERATIONS or not size < math.inf
         if last or _in_balance(failing, coefficients, linear_terms, h, state, work, report):
@@ -165,9 +179,9 @@ def _guess(h, state, work, n):
 
 
 @inlined
-def _stories(coefficients, scene, h, memory):
+def _stories(coefficients, scene, h, memory, deciding):
     """Means, moments and tangents of the stories, dampers included, for the present motion. True if the factorization
-    does not fit the tangents."""
+    does not fit the tangents. Whether a story turns is decided anew only if `deciding`."""
     linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -175,6 +189,7 @@ def _stories(coefficients, scene, h, memory):
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
+    work[ROW.LEFT, n] = 0.0
     for i in range(n):
         link = linear_terms[at.LINK, i]
         rise = work[ROW.RISE, i] - link * rise_below
@@ -183,10 +198,15 @@ def _stories(coefficients, scene, h, memory):
         bend_below = work[ROW.BEND, i]
         if stays(springs, i, rise, bend):
             work[ROW.LEFT, i] = 0.0
+            work[ROW.STEADY, i] = 0.0
             keep_to_branch(springs, i, rise, bend, work, ROW.PATH)
         else:
             work[ROW.LEFT, i] = 1.0
-            follow(law_parameters, springs, i, rise, bend, work, ROW.PATH)
+            work[ROW.LEFT, n] = 1.0
+            if deciding:
+                doubtful = 2.0 * abs(rise) < abs(bend) and springs[at.SLOPE, i] < math.inf
+                work[ROW.STEADY, i] = 1.0 if doubtful and _steady(coefficients, scene, h, memory, i) else 0.0
+            follow(law_parameters, springs, i, rise, bend, work[ROW.STEADY, i] != 0.0, work, ROW.PATH)
         if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
         same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
@@ -204,6 +224,54 @@ def _stories(coefficients, scene, h, memory):
         work[ROW.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
         size_below = size
     return stale
+
+
+@called
+def _steady(coefficients, scene, h, memory, i):
+    """Whether story `i`, whose parabola turns, does not by its rate: that of the state at both ends, and what the
+    equations of motion tell it to gain at the start. Without that the upper stories of a building at rest, whose rates
+    grow with the third power of time, would seem to set out backwards."""
+    linear_terms = scene.linear_terms
+    state, _, work, _ = memory
+    rise = first = last = 0.0
+    floors = 2 if i > 0 and linear_terms[at.LINK, i] != 0.0 else 1
+    for below in range(floors):
+        j = i - below
+        sign = 1.0 - 2.0 * below
+        rate = h * state[at.VELOCITY, j]
+        a1 = coefficients[BY_RISE] * (0.5 * work[ROW.BEND, j] - work[ROW.RISE, j] + rate)
+        rise += sign * work[ROW.RISE, j]
+        first += sign * rate
+        last += sign * (rate + work[ROW.BEND, j] - coefficients[R] * a1)
+    if turns_surely(rise, first, last):
+        return False
+    start = h * h * (_acceleration(scene, memory, i) - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0))
+    side, turn, _, _, _ = turns(rise, first, last, start)
+    return turn == 1.0 and rise * side > 0.0
+
+
+@inlined
+def _acceleration(scene, memory, i):
+    """Acceleration of floor `i` at the start of the step, relative to the ground."""
+    linear_terms, modal, _, _, _ = scene
+    state, springs, work, _ = memory
+    n = linear_terms.shape[1] - 1
+    force = work[ROW.LOAD, i] - 0.5 * work[ROW.LOAD + 1, i]
+    force -= linear_terms[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
+    for j in range(modal.shape[0] if MODAL else 0):
+        amplitude = 0.0
+        for k in range(n):
+            amplitude += modal[j, k] * state[at.VELOCITY, k]
+        force -= amplitude * modal[j, i]
+    for above in range(2):
+        j = i + above
+        if j < n:
+            link = linear_terms[at.LINK, j]
+            rate = state[at.VELOCITY, j] - link * state[at.VELOCITY, max(j - 1, 0)]
+            story = springs[at.FORCE, j] + linear_terms[at.GEOMETRIC, j] * springs[at.DRIFT, j]
+            story += linear_terms[at.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
+            force += story * link if above else -story
+    return linear_terms[at.INVERSE_MASS, i] * force
 
 
 @inlined

@@ -15,7 +15,6 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Factors
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.iteration import (
     CLOSE,
@@ -30,6 +29,7 @@ from tdint.kernels.equations.iteration import (
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.linear_terms import add_modal_force, power_damper
+from tdint.kernels.stepping import Factors
 from tdint.kernels.stories.law_state import restoring
 
 

@@ -1,4 +1,4 @@
-"""Direct solves with the matrices of a chain: tridiagonal, and block tridiagonal with 2 x 2 blocks.
+"""Direct solves with the matrices of a chain: tridiagonal, real or complex, and block tridiagonal with 2 x 2 blocks.
 
 Modal damping adds C = W^T W with one row of W per damped mode; it enters by the Sherman-Morrison-Woodbury formula, so
 no dense matrix of the size of the building is made. No pivoting: the leading blocks are those of the building cut off
@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import VARIANT, called, inlined
+from tdint.kernels.stepping import Array
 
 _MODAL = VARIANT.modal
 
@@ -248,31 +248,6 @@ def factor_blocks(factors, damping, n):
         _store_blocks_damped(factors, damping, n)
 
 
-@called
-def _store_blocks_damped(factors, damping, n):
-    """What `factor_blocks` keeps of the modes."""
-    work, _, _, store = factors
-    modal, xx, xy, yx, yy = damping
-    modes = modal.shape[0]
-    small = store + 4 * modes
-    for j in range(2 * modes):
-        x = store + 2 * j
-        for i in range(n):
-            work[x, i] = modal[j, i] if j < modes else 0.0
-            work[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
-        solve_blocks(factors, x, x + 1, n)
-    for j in range(modes):
-        for k in range(2 * modes):
-            in_x = 0.0
-            in_y = 0.0
-            for i in range(n):
-                in_x += modal[j, i] * work[store + 2 * k, i]
-                in_y += modal[j, i] * work[store + 2 * k + 1, i]
-            work[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
-            work[small + modes + j, k] = yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
-    invert(work, small, 2 * modes)
-
-
 @inlined
 def solve_blocks(factors, x, y, n):
     """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the solution."""
@@ -298,17 +273,127 @@ def solve_blocks(factors, x, y, n):
         work[y, i] = q
 
 
+@called
+def factor_pairs(linear_terms, springs, root, factors, damping, n):
+    """Factor M + l C + l^2 K with a complex number l, real and imaginary part `root`, for the branches that the stories
+    are on; `damping` is l C of the modes.
+
+    Two rows from `factors.pivot` on become the inverse pivots, two from `factors.coupling` on the multipliers of the
+    elimination from the ground up, real and imaginary part each; from `factors.store` on rows as of `factor_blocks`.
+
+    No pivot vanishes where 1 / l has a positive real part and is not real, whatever the signs of the slopes: of a
+    leading block that is singular, x* times it x = 0 would make 1 / l a root s of m s^2 + c s + k, with real k, m > 0
+    and c >= 0, and no such root has a positive real part unless it is real.
+    """
+    re, im = root
+    work, pivot, coupling, _ = factors
+    square_re = re * re - im * im
+    square_im = 2.0 * re * im
+    spring = springs[at.SLOPE, 0] + linear_terms[at.GEOMETRIC, 0]
+    damper = linear_terms[at.STORY_DAMPER, 0]
+    story_re = re * damper + square_re * spring
+    story_im = im * damper + square_im * spring
+    link = 0.0  # of the story to what is eliminated
+    inverse_re = 0.0  # of the pivot below
+    inverse_im = 0.0
+    for i in range(n):
+        # The diagonal less what the elimination of the floor below takes: -b stands on both sides of it.
+        b_re = link * story_re
+        b_im = link * story_im
+        by_re = b_re * inverse_re - b_im * inverse_im
+        by_im = b_re * inverse_im + b_im * inverse_re
+        p = linear_terms[at.MASS, i] + re * linear_terms[at.FLOOR_DAMPER, i] + story_re
+        q = im * linear_terms[at.FLOOR_DAMPER, i] + story_im
+        p -= by_re * b_re - by_im * b_im
+        q -= by_re * b_im + by_im * b_re
+        work[coupling, i] = -by_re
+        work[coupling + 1, i] = -by_im
+        # What the story above brings
+        link = linear_terms[at.LINK, i + 1]
+        spring = springs[at.SLOPE, i + 1] + linear_terms[at.GEOMETRIC, i + 1]
+        damper = linear_terms[at.STORY_DAMPER, i + 1]
+        story_re = re * damper + square_re * spring
+        story_im = im * damper + square_im * spring
+        p += link * story_re
+        q += link * story_im
+        inverse = 1.0 / (p * p + q * q)
+        inverse_re = p * inverse
+        inverse_im = -q * inverse
+        work[pivot, i] = inverse_re
+        work[pivot + 1, i] = inverse_im
+    work[coupling, n] = 0.0
+    work[coupling + 1, n] = 0.0
+    if _MODAL:
+        _store_pairs_damped(factors, damping, n)
+
+
 @inlined
-def solve_blocks_damped(factors, damping, x, y, n):
-    """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
-    solve_blocks(factors, x, y, n)
-    if _MODAL and damping.modal.shape[0] > 0:
-        _correct_blocks_damped(factors, damping, x, y, n)
+def solve_pairs(factors, x, y, n):
+    """Solve with the factors of `factor_pairs`, without the modal part; rows `x` and `y`, real and imaginary part of
+    the right side, become the solution."""
+    work, pivot, coupling, _ = factors
+    x0 = work[x, 0]
+    y0 = work[y, 0]
+    for i in range(1, n):
+        by_re = work[coupling, i]
+        by_im = work[coupling + 1, i]
+        forward = work[x, i] - by_re * x0 + by_im * y0
+        y0 = work[y, i] - by_re * y0 - by_im * x0
+        x0 = forward
+        work[x, i] = x0
+        work[y, i] = y0
+    p = 0.0
+    q = 0.0
+    for i in range(n - 1, -1, -1):
+        by_re = work[coupling, i + 1]
+        by_im = work[coupling + 1, i + 1]
+        re = work[pivot, i]
+        im = work[pivot + 1, i]
+        x0 = work[x, i]
+        y0 = work[y, i]
+        backward = re * x0 - im * y0 - by_re * p + by_im * q
+        q = re * y0 + im * x0 - by_re * q - by_im * p
+        p = backward
+        work[x, i] = p
+        work[y, i] = q
+
+
+def _storing(solve_undamped):
+    """A function that keeps what Woodbury's formula needs of the modes, with `solve_blocks` or `solve_pairs`."""
+
+    @called
+    def store_damped(factors, damping, n):
+        work, _, _, store = factors
+        modal, xx, xy, yx, yy = damping
+        modes = modal.shape[0]
+        small = store + 4 * modes
+        for j in range(2 * modes):
+            x = store + 2 * j
+            for i in range(n):
+                work[x, i] = modal[j, i] if j < modes else 0.0
+                work[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
+            solve_undamped(factors, x, x + 1, n)
+        for j in range(modes):
+            for k in range(2 * modes):
+                in_x = 0.0
+                in_y = 0.0
+                for i in range(n):
+                    in_x += modal[j, i] * work[store + 2 * k, i]
+                    in_y += modal[j, i] * work[store + 2 * k + 1, i]
+                work[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
+                work[small + modes + j, k] = yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
+        invert(work, small, 2 * modes)
+
+    return store_damped
+
+
+_store_blocks_damped = _storing(solve_blocks)
+_store_pairs_damped = _storing(solve_pairs)
 
 
 @called
-def _correct_blocks_damped(factors, damping, x, y, n):
-    """Woodbury's correction of `solve_blocks_damped`."""
+def _correct_pairs(factors, damping, x, y, n):
+    """Woodbury's correction of what was solved without the modes."""
     work, _, _, store = factors
     modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
@@ -329,3 +414,23 @@ def _correct_blocks_damped(factors, damping, x, y, n):
         for i in range(n):
             work[x, i] -= amplitude * work[store + 2 * j, i]
             work[y, i] -= amplitude * work[store + 2 * j + 1, i]
+
+
+def _solving(solve_undamped):
+    """A function that solves with `solve_blocks` or `solve_pairs` and adds the modal part."""
+
+    @inlined
+    def solve_both(factors, damping, x, y, n):
+        solve_undamped(factors, x, y, n)
+        if _MODAL and damping.modal.shape[0] > 0:
+            _correct_pairs(factors, damping, x, y, n)
+
+    return solve_both
+
+
+solve_blocks_damped = _solving(solve_blocks)
+"""(factors, damping, x, y, n): solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and
+become the solution."""
+
+solve_pairs_damped = _solving(solve_pairs)
+"""The same with the factors of `factor_pairs`."""

@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
+from functools import cache
 from typing import Any
 
 from tdint.kernels import layout as at
-from tdint.kernels.compiling import VARIANT, called, inlined, specialized
+from tdint.kernels.compiling import COMPILES, VARIANT, inlined, specialized
 from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.compiled_separately import HOOKS
-from tdint.kernels.laws.law import LawFunctions
+from tdint.kernels.laws.compiled_separately import CALLING
+from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
-FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)
+
+@cache
+def _functions(law: DriftLaw) -> LawFunctions:
+    return CALLING if law.apart else law.functions()
+
+
+class _Codes:
+    """The numbers of laws where nothing is compiled: laws of plug-ins come later than this is imported."""
+
+    def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
+        self.has = has
+
+    def __contains__(self, code: Any) -> bool:
+        return self.has(LAWS[int(code)])
+
+
+def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
+    return tuple(float(code) for code, law in enumerate(LAWS) if has(law)) if COMPILES else _Codes(has)
+
 
 _NAMED = {name.partition("@")[0] for name in VARIANT.laws}
 
 COMPILED = tuple(code for code, law in enumerate(LAWS) if not _NAMED or law.name in _NAMED)
 """The laws that the kernels are compiled for."""
 
-CURVED = tuple(float(code) for code, law in enumerate(LAWS) if law.curved)
+CURVED = _codes(lambda law: law.curved)
 
 CURVES = any(LAWS[code].curved for code in COMPILED)
 """Whether a law may be curved."""
@@ -29,29 +48,38 @@ CURVING = VARIANT.dashpots or CURVES
 BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
 """Whether a story may have a force that is not linear in its motion."""
 
+COUNTING_TURNS = tuple(float(code) for code, law in enumerate(LAWS) if law.counts_turns)
+
+COUNTS_TURNS = any(LAWS[code].counts_turns for code in COMPILED)
+"""Whether a story may decide something for good where it turns."""
+
 # The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
 # compiling the loops takes long enough. The functions of laws that stand apart only call those at their address.
 _FREQUENT = 2
 
 # Laws that know their branch at any time
-KNOWING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.keep is not None)
+KNOWING = _codes(lambda law: _functions(law).keep is not None)
 
 # Laws with a memory
-DISSIPATING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.settle is not None)
+DISSIPATING = _codes(lambda law: _functions(law).settle is not None)
 
 
-def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None, rarely: Any = None) -> Any:
-    """The compiled function that calls that of a story's own law; `otherwise` for laws without one, or, if it is given,
-    `rarely` for those of them that are not put into each place.
+def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
+    """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
 
     `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
     number of arguments. No call is made for a frequent law, whether it has a function or not.
     """
-    owns = [(code, getattr(FUNCTIONS[code], hook)) for code in COMPILED]
-    owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in owns]
+    if not COMPILES:
+        return lambda law_parameters, springs, i, *more: (
+            getattr(_functions(LAWS[int(law_parameters[at.CODE, i])]), hook) or otherwise
+        )(law_parameters, springs, i, *more)
+    all_of_them = [(code, getattr(_functions(LAWS[code]), hook)) for code in COMPILED]
+    owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in all_of_them]
     owns = [(code, own) for code, own in owns if own is not None]
     rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
-    function = otherwise if rarely is None or max(COMPILED) < _FREQUENT else called(rarely)
+    # Where each has its own the last one is taken for any other number: there is none.
+    function = otherwise if len(owns) < len(all_of_them) or not owns else None
     for code, own in reversed(owns):
         function = own if function is None else case(specialized if code == rare else inlined, code, own, function)
     return function

@@ -1,7 +1,7 @@
 """Laws that stand apart: compiled on their own, once a model has them, and called at their address.
 
 They may be long without making the loops, which all models share, compile longer. A call at an address costs some 10 ns
-more than one that the compiler sees.
+more than one that the compiler sees; it is made where a way leaves its branch (`branch_first`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import COMPILES, F8, I8, TABLE, Kernel, called_at, inlined
 from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.law import LawFunctions
+from tdint.kernels.laws.walking import branch_first
 
 _SIGNATURE = F8(I8, TABLE, TABLE, I8, I8, I8, F8)  # hook, laws, springs, i, past or block, trial, drift or event
 _FORCE = 0
@@ -71,15 +73,15 @@ def _switch(law_parameters, springs, i, block, event):
     _call(springs[at.ADDRESS, i], _SWITCH, law_parameters, springs, i, block, 0, event)
 
 
-HOOKS = {
-    "force": _force,
-    "recoverable": _recoverable,
-    "dissipated": _dissipated,
-    "keep": _keep,
-    "enter": _enter,
-    "switch": _switch,
-}
-"""The functions of `LawFunctions` that a law that stands apart has, all of them; these call its own."""
+_HOOKS = ("force", "recoverable", "dissipated", "keep", "enter", "switch")
+"""The functions of `LawFunctions` that a law that stands apart has, all of them, by their number."""
+
+CALLING = branch_first(
+    LawFunctions(
+        force=_force, recoverable=_recoverable, dissipated=_dissipated, keep=_keep, enter=_enter, switch=_switch
+    )
+)
+"""Functions that call those of a law that stands apart; not where a way keeps to its branch, which needs no law."""
 
 
 # The functions of one law, put in by `_kernel`
@@ -112,7 +114,7 @@ def _all_hooks(hook, law_parameters, springs, i, past, trial, x):
 def _kernel(code: int) -> Kernel:
     """`_all_hooks` of one law."""
     functions = LAWS[code].functions()
-    names = globals() | {hook: getattr(functions, hook) for hook in HOOKS}
+    names = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
     own = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
     own.__qualname__ = own.__name__
     own.__module__ = __name__

@@ -14,6 +14,7 @@ _STOP_STIFFNESS = at.FIRST_PARAMETER + 1
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
+    from tdint.kernels.laws.walking import put_on_branch
 
     @inlined
     def force(law_parameters, springs, i, past, trial, drift):
@@ -41,9 +42,9 @@ def _functions() -> LawFunctions:
         drift = springs[block + at.DRIFT, i]
         stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
         springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
-        springs[block + at.SLOPE, i] = law_parameters[at.STIFFNESS, i] + stop
-        springs[block + at.UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
-        springs[block + at.LOWER, i] = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
+        lower = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
+        upper = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
+        put_on_branch(springs, i, block, law_parameters[at.STIFFNESS, i] + stop, lower, upper, 0.0)
 
     @inlined
     def enter(law_parameters, springs, i):

@@ -62,7 +62,7 @@ class LawFunctions:
         (law_parameters, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it that stays as it is.
     keep : function, optional
         (law_parameters, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows
-        its branch.
+        its branch; one that has no `settle` may look at that first (`tdint.kernels.laws.walking.branch_first`).
     enter : function, optional
         (law_parameters, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and
         without end.
@@ -70,7 +70,9 @@ class LawFunctions:
         (law_parameters, springs, i, block, step, mean_force): what else changes on the way along a branch; without it
         the row WORK adds up.
     switch : function, optional
-        (law_parameters, springs, i, block, event): the branch that follows when the present one ends by `event`.
+        (law_parameters, springs, i, block, event): the branch that follows when the present one ends by `event` (ABOVE,
+        BELOW, TURNED): sets SLOPE, LOWER, UPPER and TURN of the block (`walking.put_on_branch`), and FORCE and INTERNAL
+        where they change.
     points : function, optional
         (law_parameters, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law.
         Without it many are taken.
@@ -104,6 +106,9 @@ class DriftLaw:
     apart : bool
         Whether the law is compiled on its own, when a model has it, and called at its address; else it is part of
         every loop.
+    counts_turns : bool
+        Whether a turn changes for good what follows, however soon the story turns back; else what a short way back
+        changes is as small as that.
     extra_rows : int
         Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.EXTRA_ROWS`).
     parameters : tuple of LawParameter
@@ -131,6 +136,7 @@ class DriftLaw:
     curved: bool = False
     kinked: bool = False
     apart: bool = False
+    counts_turns: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None

@@ -8,6 +8,7 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
+    from tdint.kernels.laws.walking import nothing
 
     @inlined
     def force(law_parameters, springs, i, past, trial, drift):
@@ -18,7 +19,7 @@ def _functions() -> LawFunctions:
     def recoverable(law_parameters, springs, i):
         return 0.5 * law_parameters[at.STIFFNESS, i] * springs[at.DRIFT, i] * springs[at.DRIFT, i]
 
-    return LawFunctions(force=force, recoverable=recoverable)
+    return LawFunctions(force=force, recoverable=recoverable, advance=nothing)
 
 
 LAW = DriftLaw("linear", "f = k d", _functions)

@@ -7,10 +7,11 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Ends, Passage
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import I8, TABLE, VECTOR, called, called_at, inlined, kernel
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.march.peaks_between_steps import bulge, look_within, may_be_fastest, may_bulge, may_pass, raise_peak
+from tdint.kernels.stepping import Ends, Passage
+from tdint.kernels.stories.law_state import dissipated, reach, recoverable, start
 
 
 class _Powers(NamedTuple):
@@ -210,17 +211,17 @@ def _by_all(modal, forces, t, state, n):
 
 @inlined
 def look_between(passing, scene, span, memory, seen):
-    """Peaks within the step that has been observed: those that the step itself has raised, else as far as its ends tell
-    them, if one may be passed. Returns how many stories turned with what may be their largest shear, at the
-    drifts in row TURNED_AT."""
+    """Peaks within the step that has been observed: those that the step itself has raised, all of them or, on a
+    parabola, what has corners; else as far as its ends tell them, if one may be passed. Returns how many stories turned
+    with what may be their largest shear, at the drifts in row TURNED_AT."""
     state, springs, work, report = memory
     watch, peaks, _, _, _ = seen
     n = scene.linear_terms.shape[1] - 1
     turned = 0
-    if report[at.WITHIN] != 0.0:
+    if span.cornered:
         _take_over(int(report[at.WITHIN]), work, peaks, n)
         report[at.WITHIN] = 0.0
-    elif passing:
+    if passing and (span.on_path or not span.cornered):
         passage = Passage(watch, at.U_BEFORE, state, watch, at.ACCELERATION_NOW)
         turned = look_within(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
     if span.fast:
@@ -376,3 +377,76 @@ def note_collapse(springs, steps, seen):
             totals[at.COLLAPSE_STORY] = i
     for j in range(at.ENERGY_TERMS + 2):
         totals[at.COLLAPSE_ENERGIES + j] = totals[j]
+
+
+# ---- What a march asks of the drift laws beside the steps: a beginning, energies, and the forces where stories
+# turned
+#
+# The march is given these as kernels of their own, as it is given the step, so that it is compiled once for all
+# laws.
+
+BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
+TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
+RAISE_SHEARS = I8(TABLE, TABLE, TABLE, I8, TABLE)
+
+_call_begin = called_at(BEGIN)
+_call_take_stock = called_at(TAKE_STOCK)
+_call_raise_shears = called_at(RAISE_SHEARS)
+
+
+@inlined
+def begin_laws(begin, scene, memory):
+    """Call the kernel `begin` that a march was given."""
+    _call_begin(begin, scene.linear_terms, scene.law_parameters, memory.state, memory.springs)
+
+
+@inlined
+def sum_up(take_stock, scene, memory, seen):
+    """Call the kernel `take_stock` that a march was given."""
+    _call_take_stock(take_stock, scene.linear_terms, scene.law_parameters, memory.state, memory.springs, seen.totals)
+
+
+@inlined
+def take_shears(raise_shears, scene, memory, seen):
+    """Call the kernel `raise_shears` that a march was given."""
+    _call_raise_shears(raise_shears, scene.law_parameters, memory.springs, seen.watch, at.TURNED_AT, seen.peaks)
+
+
+@kernel(BEGIN, parts=("laws",))
+def begin(linear_terms, law_parameters, state, springs):
+    """Bring all stories from rest to their initial drifts."""
+    below = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        start(law_parameters, springs, i, state[at.DISPLACEMENT, i] - linear_terms[at.LINK, i] * below)
+        below = state[at.DISPLACEMENT, i]
+    return 0
+
+
+@kernel(TAKE_STOCK, parts=("laws",))
+def take_stock(linear_terms, law_parameters, state, springs, totals):
+    """Kinetic, recoverable and dissipated energy of the present state, J."""
+    kinetic = 0.0
+    stored = 0.0
+    lost = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        drift = springs[at.DRIFT, i]
+        kinetic += 0.5 * linear_terms[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
+        stored += recoverable(law_parameters, springs, i) + 0.5 * linear_terms[at.GEOMETRIC, i] * drift * drift
+        lost += dissipated(law_parameters, springs, i)
+    totals[at.ENERGY_KINETIC] = kinetic
+    totals[at.ENERGY_RECOVERABLE] = stored
+    totals[at.ENERGY_DISSIPATED] = lost - totals[at.DISSIPATED_BEFORE]
+    return 0
+
+
+@kernel(RAISE_SHEARS, parts=("laws",))
+def raise_shears(law_parameters, springs, turns, turn, peaks):
+    """Peak shears of the stories that turned within a step, at the drifts in row `turn` of `turns`.
+
+    From the end of the step the way leads back to where the story turned: there it finds the force again that it had.
+    """
+    for i in range(peaks.shape[1]):
+        if turns[turn, i] != springs[at.DRIFT, i]:
+            reach(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, turns[turn, i])
+            raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
+    return 0

@@ -5,7 +5,8 @@ differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the f
 displacements miss over h^2: with a method of order 2 that is of the size of what the acceleration changes by in a step.
 Beside the straight line between its ends an acceleration has a bulge, which the velocities tell, and a tilt of it,
 which needs the displacements. Where the tilt is no larger, the bulge lies on one side of that line, and is taken; where
-it is larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an end.
+it is far larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an
+end. In between a part of both is taken, so that no peak jumps.
 
 It is looked at closely only where a peak could be passed. The observer asks that of all floors without a branch
 (`may_pass`, `may_bulge`); of most steps that is all there is to do. Else the displacement (or drift) is looked at where
@@ -23,13 +24,14 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Ends
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.linear_terms import DASHPOTS, FORCES
+from tdint.kernels.stepping import Ends
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_FADED = 2.0  # tilt over bulge from which neither is taken; up to 1 all of both is
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
@@ -39,6 +41,23 @@ def raise_peak(peaks, row, i, value):
     size = abs(value)
     if size > peaks[row, i]:
         peaks[row, i] = size
+
+
+@inlined
+def raise_at_nodes(work, first, column, count, row, i):
+    """Raise a peak by what stands in a column of `count` rows from `first` on, and by the parabolas through the first,
+    second and third of these, the third, fourth and fifth, and so on, the second being half-way. The first of several
+    stands at the start of the step, where the step before has ended."""
+    if count == 1:
+        raise_peak(work, row, i, work[first, column])
+    for k in range(0, count - 2, 2):
+        a0, a1, a2 = work[first + k, column], work[first + k + 1, column], work[first + k + 2, column]
+        raise_peak(work, row, i, a1)
+        raise_peak(work, row, i, a2)
+        b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
+        c = 0.5 * (a0 - 2.0 * a1 + a2)
+        if abs(b + 2.0 * c) < 2.0 * abs(c):
+            raise_peak(work, row, i, a0 - 0.25 * b * b / c)
 
 
 @inlined
@@ -61,8 +80,8 @@ def may_be_fastest(span, ends, peak):
 
 @inlined
 def may_bulge(absolute_0, absolute_1, bulge, peak):
-    """Whether an absolute acceleration, or masses times such, may pass its peak: where the tilt is no larger than the
-    bulge, the Bezier points inside (`_most`) are no farther beyond the larger end than this."""
+    """Whether an absolute acceleration, or masses times such, may pass its peak: as far as bulge and tilt are
+    taken, the Bezier points inside (`_most`) are no farther beyond the larger end than this."""
     inside = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
     return max(abs(absolute_0), abs(absolute_1)) + max(inside, 0.0) > peak
 
@@ -105,8 +124,9 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
         fastest = peaks[top + at.PEAK_DRIFT_RATE, i]
         if DASHPOTS and with_devices and story.a0 * story.a1 < 0.0 and may_be_fastest(span, story, fastest):
             _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
-        _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
-        if not FORCES or scene.forces.shape[0] == 0:
+        if not span.cornered:
+            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
+        if not span.cornered and (not FORCES or scene.forces.shape[0] == 0):
             above, mass = _moved(linear_terms, i, floor, above, mass)
             _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
         floor = below
@@ -226,7 +246,13 @@ def _most_accelerated(span, ends, mass, peaks, peak_row, i):
     absolute_1 = ends.a1 + mass * span.ground_1
     bulge, tilt = _bend(span.h, ends)
     near = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
-    if near and _most(absolute_0, absolute_1, bulge, tilt) > peak and abs(tilt) <= abs(bulge):
+    if near and abs(tilt) < _FADED * abs(bulge):
+        taken = min((_FADED - abs(tilt / bulge)) / (_FADED - 1.0), 1.0)
+        bulge *= taken
+        tilt *= taken
+    else:
+        near = False
+    if near and _most(absolute_0, absolute_1, bulge, tilt) > peak:
         told = _calm(span, ends) and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
         row = peak_row + (0 if told else at.PEAK_ROWS)
         change = absolute_1 - absolute_0 + bulge + tilt

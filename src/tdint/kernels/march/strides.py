@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import MEMORY, SCENE, SEEN, Memory, Scene, Seen, Span
 from tdint.kernels.compiling import F8, I8, VECTOR, inlined, kernel
 from tdint.kernels.equations.carried.rows import OWN, first_row
 from tdint.kernels.march.ground import beyond_line, ground_at, straightened_samples
-from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK, sum_up
 from tdint.kernels.march.march import ran_away, see, start, watch_limits
-from tdint.kernels.march.observing import shift_ground
-from tdint.kernels.stepping import STEP, take_step
+from tdint.kernels.march.observing import BEGIN, RAISE_SHEARS, TAKE_STOCK, shift_ground, sum_up
+from tdint.kernels.stepping import MEMORY, SCENE, SEEN, STEP, Memory, Scene, Seen, Span, take_step
 
 # choice
 ALLOWED = 0  # the largest (h / T)^4 (T^3 j)^(5/3)
@@ -106,7 +104,8 @@ def march_in_strides(
         choice[LONGEST] = max(choice[LONGEST], stride)
         report[at.CARRIED_GROUND] = load[at.GROUND_1]
         slope = (load[at.GROUND_1] - load[at.GROUND_0]) / span_h
-        span = Span(span_h, load[at.GROUND_0], load[at.GROUND_1], on_path, choice[FASTEST] * stride > 1.0)
+        fast = choice[FASTEST] * stride > 1.0
+        span = Span(span_h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast, report[at.WITHIN] != 0.0)
         see(raise_shears, scene, s * h, span, slope, memory, seen)
         if ran_away(state, linear_terms.shape[1] - 1):
             return at.NOT_FINITE

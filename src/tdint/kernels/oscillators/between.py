@@ -5,7 +5,7 @@ That bounds how far q can rise above its values at both ends, and with omega h <
 
 At the ends the recursion from one step to the next is exact (Nigam and Jennings 1969): u1 = A11 u0 + A12 v0 - B10 g0 -
 B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that goes in a straight line from g0 to g1;
-`tdint.analysis.spectra.oscillators` fills the tables.
+`tdint.analysis.spectra.elastic` fills the tables.
 """
 
 from __future__ import annotations

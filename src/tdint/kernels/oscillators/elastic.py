@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
 from tdint.kernels.oscillators.between import (
     A11,
@@ -41,6 +40,7 @@ from tdint.kernels.oscillators.between import (
     rise,
     terms,
 )
+from tdint.kernels.stepping import Array
 
 # Rows of the table of oscillators behind those of the recursion
 BY_DISPLACEMENT = RECURSION_ROWS  # omega^2

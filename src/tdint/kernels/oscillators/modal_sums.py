@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel, local
 from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS, narrowed
+from tdint.kernels.stepping import Array
 
 # Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q and its rate r
 OMEGA = RECURSION_ROWS

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
 from tdint.kernels.oscillators.between import (
     A11,
@@ -35,6 +34,7 @@ from tdint.kernels.oscillators.between import (
     terms,
 )
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY, COEFFICIENTS, STRETCH
+from tdint.kernels.stepping import Array
 
 ANGLES = 180
 """Directions, one degree apart from the first motion towards the second."""

@@ -12,7 +12,7 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVED, case_of_3, case_of_5, case_of_6, chosen
-from tdint.kernels.laws.walking import add_work, advancing, nothing
+from tdint.kernels.laws.walking import add_work, advancing
 
 NONE = 2.0
 """The fraction of the step for no event."""
@@ -21,7 +21,7 @@ _SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rou
 _CLOSE = 1e-10  # of the step, the last correction by Newton's iteration: what is left is about the square of that
 _TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
 
-advance = advancing(chosen("advance", case_of_6, nothing, rarely=add_work))
+advance = advancing(chosen("advance", case_of_6, called(add_work)))
 """(law_parameters, springs, i, block, drift): go to `drift` on the present linear branch of the state in `block`."""
 
 

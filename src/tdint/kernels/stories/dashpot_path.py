@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.linear_terms import power_damper
+from tdint.kernels.stepping import Array
 from tdint.kernels.stories import path
 
 STEADY = 0.5  # least rate over the largest up to which the rate itself will do

@@ -15,12 +15,11 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING
 from tdint.kernels.linear_terms import power_damper
+from tdint.kernels.stepping import Integrals
 from tdint.kernels.stories import path
-from tdint.kernels.stories.branches import advance, go_along
 from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS, cut_at_rest
 from tdint.kernels.stories.law_state import reach, restoring, settle
 
@@ -66,21 +65,31 @@ def bubble(bubbles, s):
 
 
 @called
-def follow(law_parameters, springs, i, whole, bubbles, results):
+def keeps(springs, i, whole, bubbles, turned):
+    """Whether story `i` keeps to its present linear branch on a path whose rate turns as `turned` (`path.turns`) says:
+    where it does not turn, the end tells."""
+    side, first, _, _, _ = turned
+    turn = springs[at.TURN, i]
+    end = whole.start + whole.rise
+    reached = path.drift_at(whole, first) + bubble(bubbles, first - 0.5)
+    stays = (turn * side >= 0.0) & ((turn == 0.0) | (first == 1.0)) & (springs[at.SLOPE, i] < math.inf)
+    return stays & (max(end, reached) <= springs[at.UPPER, i]) & (min(end, reached) >= springs[at.LOWER, i])
+
+
+@called
+def follow(law_parameters, springs, i, whole, bubbles, turned, results):
     """The results of any story along a whole parabola; its state on the way is left to `path.arrive`.
 
-    At a turning point inside, the story turns where the bubbles have led it.
+    A story that is linear branch by branch turns where `turned` (`path.turns`) says, at the drift that the bubbles have
+    led it to; a curved one where the parabola does, likewise.
     """
     for row in range(ERROR_PATH_ROWS):
         results.table[results.first + row, i] = 0.0
-    turn = path.turning_point(whole)
-    moved = 0.0
-    if turn < 1.0:
-        moved = bubble(bubbles, turn - 0.5)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(law_parameters, springs, i, whole, turn, moved, results)
+        path.copy(springs, i, 0, at.FIRST_TRIAL)
+        _over_branches(law_parameters, springs, i, whole, bubbles, turned, results)
     elif law_parameters[at.CODE, i] in DISSIPATING:
-        _with_memory(law_parameters, springs, i, whole, turn, moved, results)
+        _with_memory(law_parameters, springs, i, whole, bubbles, results)
     else:
         wanted = path.points_wanted(law_parameters, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
         _integrate(law_parameters, springs, i, 0, True, wanted, whole, results)
@@ -134,15 +143,21 @@ _go = path.along_branches(_piece, _note)
 
 
 @called
-def _over_branches(law_parameters, springs, i, whole, turn, moved, results):
-    path.copy(springs, i, 0, at.FIRST_TRIAL)
-    _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, 0.0, turn), results)
-    if turn == 1.0:
-        return
-    if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
-        advance(law_parameters, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
-    _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
-    _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, turn, 1.0), results)
+def _over_branches(law_parameters, springs, i, stretch, bubbles, turned, results):
+    """From turn to turn; one on the way is that of the motion, also where the parabola goes on."""
+    side, first, second, third, _ = turned
+    here = stretch.begin
+    for turn in (first, second, third):
+        if turn <= here and turn < 1.0:
+            side = -side  # before this stretch
+        elif turn < stretch.end:
+            reached = path.drift_at(stretch, turn) + bubble(bubbles, turn - 0.5)
+            _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(stretch, here, turn), side, reached, results)
+            _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
+            here = turn
+            side = -side
+    end = path.drift_at(stretch, stretch.end) + bubble(bubbles, stretch.end - 0.5)
+    _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(stretch, here, stretch.end), side, end, results)
 
 
 @called
@@ -170,10 +185,12 @@ _pass = path.in_two_parts(_integrate)
 
 
 @called
-def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
+def _with_memory(law_parameters, springs, i, whole, bubbles, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL.
 
     The bubbles may have the story turn before the last Gauss point: it is led there from the start."""
+    turn = path.turning_point(whole)
+    moved = bubble(bubbles, turn - 0.5)
     past = _pass(law_parameters, springs, i, 0, path.part_of(whole, 0.0, turn), results)
     if turn < 1.0:
         reach(law_parameters, springs, i, 0, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
@@ -188,33 +205,25 @@ def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
 
 
 @called
-def go_on(law_parameters, springs, i, stretch, bubbles, past, results):
+def go_on(law_parameters, springs, i, stretch, bubbles, turned, past, results):
     """Go on along a stretch of the path; returns the force at its end, bubbles included, and the block of the state.
     `past` is the block at its beginning; begin with `set_out`. The results are used up."""
     here, there = stretch.begin, stretch.end
-    whole = path.part_of(stretch, 0.0, 1.0)
-    turn = path.turning_point(whole)
-    off = bubble(bubbles, there - 0.5)
-    drift = path.drift_at(whole, there) + off
+    drift = path.drift_at(stretch, there) + bubble(bubbles, there - 0.5)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        if here <= turn < there:
-            _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, here, turn), results)
-            if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
-                moved = path.drift_at(whole, turn) + bubble(bubbles, turn - 0.5)
-                go_along(law_parameters, springs, i, at.FIRST_TRIAL, moved)
-            here = turn
-        _go(law_parameters, springs, i, at.FIRST_TRIAL, path.part_of(whole, here, there), results)
-        return springs[at.FIRST_TRIAL + at.FORCE, i] + springs[at.FIRST_TRIAL + at.SLOPE, i] * off, past
+        _over_branches(law_parameters, springs, i, stretch, bubbles, turned, results)
+        return springs[at.FIRST_TRIAL + at.FORCE, i], past
     if law_parameters[at.CODE, i] not in DISSIPATING:
         reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         return springs[at.FIRST_TRIAL + at.FORCE, i], past
+    turn = path.turning_point(stretch)
     if here <= turn < there:
-        moved = path.drift_at(whole, turn) + bubble(bubbles, turn - 0.5)
+        moved = path.drift_at(stretch, turn) + bubble(bubbles, turn - 0.5)
         reach(law_parameters, springs, i, past, at.THIRD_TRIAL, moved)
         settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
         past = at.THIRD_TRIAL
         here = turn
-    past = _pass(law_parameters, springs, i, past, path.part_of(whole, here, there), results)
+    past = _pass(law_parameters, springs, i, past, path.part_of(stretch, here, there), results)
     reach(law_parameters, springs, i, past, at.THIRD_TRIAL, drift)
     return springs[at.THIRD_TRIAL + at.FORCE, i], past
 

@@ -6,7 +6,7 @@ The laws themselves stand in `tdint.kernels.laws`, one file each.
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
 from tdint.kernels.stories.branches import enter
 
@@ -88,3 +88,29 @@ def start(law_parameters, springs, i, drift):
     restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
     commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
     resume(law_parameters, springs, i)
+
+
+# ---- One story along a given path of drifts, without mass and time: a cyclic test
+
+# Columns of the result
+SHEAR = 0
+TANGENT = 1
+RECOVERABLE = 2
+DISSIPATION = 3
+RESULT_COLUMNS = 4
+
+
+@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
+def follow(law_parameters, i, drifts, springs, result):
+    """Bring story `i` from rest to the first drift and then from one to the next; one row of result for each.
+
+    Each drift is committed, as a time step commits the one at its end. Shear N, tangent N/m, energies J.
+    """
+    start(law_parameters, springs, i, drifts[0])
+    for s in range(drifts.size):
+        result[s, TANGENT] = restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drifts[s])
+        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        result[s, SHEAR] = springs[at.FORCE, i]
+        result[s, RECOVERABLE] = recoverable(law_parameters, springs, i)
+        result[s, DISSIPATION] = dissipated(law_parameters, springs, i)
+    return 0

@@ -18,10 +18,10 @@ import math
 import numpy as np
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Integrals, Stretch
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
 from tdint.kernels.laws.walking import copy_extra_rows
+from tdint.kernels.stepping import Integrals, Stretch
 from tdint.kernels.stories.branches import advance, switch
 from tdint.kernels.stories.law_state import adopt, reach, restoring, settle
 
@@ -38,6 +38,12 @@ _SHIFTED = 12  # and with this point shifted
 PATH_ROWS = 18
 
 _MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
+_ROOT = 1e-12  # of a step, by which a turn may be missed: rounding is some 1e-15 of it
+_MOST_ROOT_STEPS = 60  # halving alone would need 40
+# Of the rate to which a story comes in a step: what goes back by less has not turned. At rest the start's acceleration
+# is what the floors' loads round, some 1e-16 of them, and drifts of upper stories are 1e-6 of what the floors move.
+_ROUNDED = 1e-9
+_GOES_BACK = 1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
 MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0
@@ -105,6 +111,79 @@ def stays(springs, i, rise, bend):
     return max(start, middle, end) <= springs[at.UPPER, i] and min(start, middle, end) >= springs[at.LOWER, i]
 
 
+@called
+def turns(rise, first, last, start):
+    """Where a story turns within a step, as its rate tells: the cubic between `first` and `last`, those of the state,
+    that has the rise for its mean and grows by `start` where it begins (all times the step). The one decision of a run
+    and of what carries its error: the parabola's own rate misses the state's at both ends.
+
+    Returns
+    -------
+    side, first turn, second turn, third turn, nearest : float
+        The direction in which the story sets out; where in (0, 1) the rate changes its sign, 1 for no more; how near
+        it comes to zero where it has an extreme.
+    """
+    rounded = _ROUNDED * (abs(rise) + abs(last))
+    if abs(first) <= rounded and abs(start) <= rounded and rise * last > 0.0:
+        # From rest, and not by its acceleration: of an upper story, whose rate grows faster than any cubic tells.
+        return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
+    change = last - first - start
+    more = rise - first - 0.5 * start
+    c2 = 12.0 * more - 3.0 * change
+    c3 = 4.0 * change - 12.0 * more
+    # Between its extremes, where start + 2 c2 t + 3 c3 t^2 = 0, the rate is monotone.
+    early = late = 1.0
+    discriminant = c2 * c2 - 3.0 * c3 * start
+    if discriminant > 0.0:
+        q = -(c2 + math.copysign(math.sqrt(discriminant), c2))
+        early = max(q / (3.0 * c3), 0.0) if abs(q) < abs(3.0 * c3) else 1.0
+        late = max(start / q, 0.0) if abs(start) < abs(q) else 1.0
+        early, late = min(early, late), max(early, late)
+    side = first if abs(first) > rounded else start if abs(start) > rounded else rise
+    one = two = three = 1.0
+    nearest = math.inf
+    left, before = 0.0, side
+    for piece in range(3):
+        right = early if piece == 0 else late if piece == 1 else 1.0
+        rate = first + right * (start + right * (c2 + right * c3))
+        if piece < 2 and 0.0 < right < 1.0:
+            nearest = min(nearest, abs(rate))
+        if before * rate < 0.0 and abs(rate) > rounded:
+            root = _where_zero((first, start, c2, c3), left, right, rate)
+            one, two, three = (root, 1.0, 1.0) if one == 1.0 else (one, root, 1.0) if two == 1.0 else (one, two, root)
+        left = right
+        before = rate if abs(rate) > rounded else before
+    return math.copysign(1.0, side), one, two, three, nearest
+
+
+@inlined
+def turns_surely(rise, first, last):
+    """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then tells a turn,
+    whatever the acceleration."""
+    rounded = _ROUNDED * (abs(rise) + abs(last))
+    return (rise * first < 0.0 and abs(first) > rounded) or (rise * last < 0.0 and abs(last) > rounded)
+
+
+@inlined
+def _where_zero(cubic, left, right, at_right):
+    """The zero of a cubic that is monotone between two places, by safeguarded Newton."""
+    c0, c1, c2, c3 = cubic
+    t = 0.5 * (left + right)
+    for _ in range(_MOST_ROOT_STEPS):
+        value = c0 + t * (c1 + t * (c2 + t * c3))
+        if value * at_right < 0.0:
+            left = t
+        else:
+            right = t
+        slope = c1 + t * (2.0 * c2 + 3.0 * t * c3)
+        new = t - value / slope if slope != 0.0 else left
+        new = new if left < new < right else 0.5 * (left + right)
+        if abs(new - t) < _ROOT:
+            return new
+        t = new
+    return t
+
+
 @inlined
 def keep_to_branch(springs, i, rise, bend, work, out):
     """The results of a story that keeps to its present linear branch."""
@@ -118,13 +197,15 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 
 
 @called
-def follow(law_parameters, springs, i, rise, bend, work, out):
-    """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
+def follow(law_parameters, springs, i, rise, bend, steady, work, out):
+    """The results of any story into the rows from `out` on; its state on the way is left to `arrive`. `steady`: the
+    story does not turn, even if the parabola does; the force on each branch is that at the parabola's drift even so,
+    and the work along the parabola what that from its start to its end is."""
     whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(work, out)
     _clear(results, i)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(law_parameters, springs, i, whole, results)
+        _over_branches(law_parameters, springs, i, whole, 1.0 if steady else turning_point(whole), results)
     elif law_parameters[at.CODE, i] in DISSIPATING:
         _with_memory(law_parameters, springs, i, whole, results)
     else:
@@ -220,22 +301,22 @@ def time_to(limit, stretch, here, side):
     if not left > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
+    if -rate > _GOES_BACK * root and side * stretch.bend > 0.0:
+        return (root - rate) / (side * stretch.bend)
     return 2.0 * left / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
 
 
 def along_branches(piece, note):
-    """A function (law_parameters, springs, i, block, stretch, results) that goes along a stretch in which the path does
-    not turn, branch by branch, with the state in `block`. `piece` adds to the results what lies on one branch, `note`
-    is told where and with what force it ended."""
+    """A function (law_parameters, springs, i, block, stretch, side, target, results) that goes along a stretch in which
+    the story goes to `side` all the time (0: it does not move), up to the drift `target`, branch by branch, with the
+    state in `block`. `piece` adds to the results what lies on one branch, `note` is told where and with what force it
+    ended."""
 
     @called
-    def go(law_parameters, springs, i, block, stretch, results):
-        target = drift_at(stretch, stretch.end)
-        way = target - drift_at(stretch, stretch.begin)
-        if way == 0.0:
+    def go(law_parameters, springs, i, block, stretch, side, target, results):
+        if side == 0.0:
             piece(springs, i, block, stretch, results)
             return
-        side = math.copysign(1.0, way)
         if springs[block + at.TURN, i] * side < 0.0:
             switch(law_parameters, springs, i, block, at.TURNED)
         here = stretch.begin
@@ -274,12 +355,20 @@ def _nothing(results, i, t, force):
 _go = along_branches(_piece, _nothing)
 
 
+@inlined
+def _follow(law_parameters, springs, i, block, stretch, results):
+    """Along a stretch from its start straight to its end."""
+    target = drift_at(stretch, stretch.end)
+    way = target - drift_at(stretch, stretch.begin)
+    side = math.copysign(1.0, way) if way != 0.0 else 0.0
+    _go(law_parameters, springs, i, block, stretch, side, target, results)
+
+
 @called
-def _over_branches(law_parameters, springs, i, whole, results):
+def _over_branches(law_parameters, springs, i, whole, turn, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
     copy(springs, i, 0, at.FIRST_TRIAL)
-    turn = turning_point(whole)
-    _go(law_parameters, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
+    _follow(law_parameters, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
@@ -292,9 +381,9 @@ def _over_branches(law_parameters, springs, i, whole, results):
         shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
         advance(law_parameters, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
         _clear(shifted, i)
-        _go(law_parameters, springs, i, at.SECOND_TRIAL, way_back, shifted)
+        _follow(law_parameters, springs, i, at.SECOND_TRIAL, way_back, shifted)
     _clear(back, i)
-    _go(law_parameters, springs, i, at.FIRST_TRIAL, way_back, back)
+    _follow(law_parameters, springs, i, at.FIRST_TRIAL, way_back, back)
     _join(results, i, turn, shift)
 
 

@@ -6,19 +6,11 @@ import math
 from typing import Any
 
 from tdint.errors import ModelError
-from tdint.model.config.units import ModelUnits
-from tdint.model.inventory.capacity import (
-    DAMPING_RATIO,
-    UNIT_MASS,
-    CapacityBuilding,
-    CapacityFacts,
-    derive_capacity,
-    read_curve,
-)
-from tdint.model.inventory.derive import CAPACITY, RULES
-from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Flag, Key, Keys, Whole, Words
+from tdint.model.capacity import DAMPING_RATIO, UNIT_MASS, CapacityBuilding, CapacityFacts, derive_capacity, read_curve
+from tdint.model.config.sections import ModelUnits
+from tdint.model.inventory import CAPACITY, RULES
+from tdint.model.keys.fields import POSITIVE, RATIO, Choice, Flag, Key, Keys, Section, Value, Whole, Words
+from tdint.model.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding
 
 _DAMPING = ("full", "mass-only")
 _RULES = Choice(tuple(one for one in RULES if one != CAPACITY), "set of rules")

@@ -6,22 +6,208 @@ file each. The JSON schema for editors is made of the same declarations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextvars import copy_context
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from tdint.errors import UsageError
-from tdint.model.config.damage import DAMAGE, read_damage
-from tdint.model.config.damping import DAMPING, read_damping
-from tdint.model.config.excitation import EXCITATION, read_excitation
+from tdint.errors import ModelError, UsageError
+from tdint.files import READ, STDIN
+from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, RecordChoice, parse_pad, parse_trim
+from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
+from tdint.model.config.sections import (
+    DAMAGE,
+    DAMPING,
+    UNITS,
+    ModelUnits,
+    read_damage,
+    read_damping,
+    read_sample_units,
+    read_units,
+)
 from tdint.model.config.stories import STORIES, read_stories
-from tdint.model.config.units import UNITS, ModelUnits, read_units
-from tdint.model.definition import Analysis, Damping, Initial, Model, Story
+from tdint.model.definition import (
+    MAX_STORIES,
+    Analysis,
+    Damping,
+    Excitation,
+    Force,
+    Initial,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+    RecordSource,
+    Story,
+)
 from tdint.model.keys.document import SourceText, read_document
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Schema, Words
-from tdint.output_units import SI, OutputUnits, parse_output_units
+from tdint.model.keys.fields import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    POSITIVE_RATIO,
+    Choice,
+    Either,
+    EntriesOf,
+    Flag,
+    Key,
+    Keys,
+    Schema,
+    Section,
+    Value,
+    Whole,
+    Words,
+)
+from tdint.model.keys.nodes import Faults, composed, decode
+from tdint.units import SI, OutputUnits, parse_output_units
+from tdint.written_numbers import parse_head
+
+# ---- The `excitation` of a model file: forces, or a record, what of a text table it is, and what is done to it
+#
+# Keys of `excitation.record` are named like the command's options.
+
+PROCESSING = (
+    Key("trim", Words(), "START:END in s from the first sample"),
+    Key("baseline", Choice(tuple(BASELINES), "baseline"), "what is taken off the acceleration"),
+    Key("pad", Words(), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key("highpass", POSITIVE, "corner frequency, Hz"),
+    Key("lowpass", POSITIVE, "corner frequency, Hz"),
+    Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
+    Key("resample", POSITIVE, "sampling interval, s"),
+)
+PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
+
+
+def read_processing(section: Section) -> Processing:
+    """The processing that the entries of a section ask for; none of it if one of them is faulty."""
+    parsers: dict[str, Callable[[str], object]] = {"trim": parse_trim, "pad": parse_pad}
+    there = {name: value for name in PROCESSING_KEYS if (value := section.get(name))}
+    values = {name: value.parsed(parsers[name]) if name in parsers else value.read() for name, value in there.items()}
+    if None in values.values():
+        return Processing()
+    try:
+        return Processing(**values)  # type: ignore[arg-type]
+    except UsageError as error:
+        section.value.fault(str(error))
+        return Processing()
+
+
+LAYOUT = (
+    Key("step", POSITIVE, "sampling interval of a text table that does not tell it, s"),
+    Key("column", Words(), "column of a text table: its name, or its number from 1"),
+    Key("skip_lines", Whole(0, MOST_LINES), "lines before the numbers"),
+)
+
+
+def read_layout(section: Section) -> TextLayout:
+    """What the entries of a section say; nothing if one of them is faulty."""
+    step, column, lines = values = [section.read(key.name) for key in LAYOUT]
+    if any(section.has(key.name) and value is None for key, value in zip(LAYOUT, values, strict=True)):
+        return AS_STATED
+    return TextLayout(step, (column,) if column else (), lines)
+
+
+def read_choice(section: Section, *, stdin: bool) -> RecordChoice:
+    """What the entries of a section say of a file of records; its station metadata may come from standard input."""
+    return RecordChoice(
+        units=read_sample_units(section.get("units")),
+        component=section.text("component"),
+        inventory=section.file("inventory", stdin=stdin),
+        processing=read_processing(section),
+        layout=read_layout(section),
+    )
+
+
+_RECORD = Keys(
+    (
+        Key("file", Words(), "the record's file, relative to the model file", needed=True),
+        Key("units", Words(), "units of its samples, where it does not say them: m/s^2, g, ..."),
+        Key("component", Words(), "component, where the file holds several"),
+        Key("scale", ANY, "factor on the acceleration, not zero"),
+        Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+        *LAYOUT,
+        *PROCESSING,
+    )
+)
+_FORCE = Keys(
+    (
+        Key("floor", Whole(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
+        Key("amplitude", ANY, "largest force", needed=True),
+        Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
+        Key("phase", Either((Choice(("cos", "sin")), ANY)), "cos, sin or phi in cos(omega t + phi), rad"),
+    )
+)
+EXCITATION = Keys(
+    (
+        Key("record", Either((Words(), _RECORD)), "ground motion: a file, or what to take of it"),
+        Key("forces", EntriesOf(_FORCE), "harmonic forces on floors"),
+    )
+)
+
+
+def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
+    """Record and forces; `count` is the number of stories."""
+    section = value.section(EXCITATION) if value else None
+    if section is None:
+        return Excitation(None, ())
+    record, forces = section.get("record"), section.get("forces")
+    items = forces.items("a list of forces") if forces else None
+    return Excitation(
+        _read_record(record) if record else None,
+        tuple(_read_force(item, unit, count) for item in items or ()),
+    )
+
+
+def _read_record(value: Value) -> RecordSource | None:
+    if not value.is_list and not value.is_mapping:
+        file = value.file(stdin=True)
+        return RecordSource(file) if file else None
+    section = value.section(_RECORD, "a file or a mapping with the key file")
+    if section is None:
+        return None
+    section.need("file", "give the record's file")
+    return RecordSource(section.file("file", stdin=True) or "", read_choice(section, stdin=True), _read_scale(section))
+
+
+def _read_scale(section: Section) -> float:
+    value = section.get("scale")
+    scale = value.number() if value else 1.0
+    if value and scale == 0.0:
+        value.fault("must not be zero; leave the record out for no ground motion")
+    return scale
+
+
+def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
+    section = value.section(_FORCE)
+    if section is None:
+        return Force(0, math.nan, math.nan, math.nan)
+    floor = section.need("floor", "give the floor, counted from 1 at the bottom")
+    amplitude = section.number("amplitude", scale=unit.force)
+    cosine, sine = _read_phase(section.get("phase"))
+    return Force(
+        floor=(floor.counted(count) if floor else None) or 0,
+        cosine=amplitude * cosine,
+        sine=amplitude * sine,
+        omega=section.number("omega"),
+    )
+
+
+def _read_phase(value: Value | None) -> tuple[float, float]:
+    """Shares of cos(omega t) and sin(omega t): `cos`, `sin` or phi in cos(omega t + phi), rad."""
+    if value is None or value.is_word("cos"):
+        return 1.0, 0.0
+    if value.is_word("sin"):
+        return 0.0, 1.0
+    phase = value.number(what="cos, sin or an angle in radians")
+    return math.cos(phase), -math.sin(phase)
+
+
+# ---- Model file
 
 _INITIAL = Keys(
     (
@@ -60,6 +246,7 @@ _MODEL = Keys(
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
         Key("damage", DAMAGE, "damage states of the building"),
         Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
+        Key("report", Words(), "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'"),
     ),
     one_of=(("stories", "building"),),
 )
@@ -123,6 +310,17 @@ def load_judged(
     return model
 
 
+def model_within(value: Value, origin: SourceText) -> Model | None:
+    """The model that a mapping in another file says, with that file's `origin`; its faults are noted there."""
+    section = value.section(_MODEL)
+    return _read_model(section, origin) if section else None
+
+
+def record_within(value: Value) -> RecordSource | None:
+    """A ground motion, as `excitation: record` of a model says it, in another file; its faults are noted there."""
+    return _read_record(value)
+
+
 def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object]) -> None:
     value: Value | None = root
     for name in path.split("."):
@@ -141,6 +339,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
+    head = section.get("report")
+    output_units, page_units = _read_output_units(section.get("output_units"), unit.named)
     model = Model(
         name=section.text("name") or origin.name,
         source=origin.label,
@@ -152,7 +352,9 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         initial=_read_initial(section.inner("initial"), unit.length, count),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
-        output_units=_read_output_units(section.get("output_units")),
+        output_units=output_units,
+        page_units=page_units,
+        page_head=(head.parsed(parse_head) if head else None) or (),
         damage=read_damage(section.get("damage")),
     )
     record = model.excitation.record
@@ -194,16 +396,15 @@ def _read_initial(section: Section, length: float, count: int | None) -> Initial
     return Initial(entries("displacement"), entries("velocity"))
 
 
-def _read_output_units(value: Value | None) -> OutputUnits:
-    if value is None:
-        return SI
-    items = value.items("units") if value.is_list else (value,)
-    words = [item.text() for item in items or ()]
+def _read_output_units(value: Value | None, of_file: OutputUnits) -> tuple[OutputUnits, OutputUnits]:
+    """The units of tables, and those of pages for people: of the file where it names none for the output."""
+    items = () if value is None else value.items("units") if value.is_list else (value,)
+    text = ",".join(filter(None, (item.text() for item in items or ())))
     try:
-        return parse_output_units(",".join(filter(None, words))) if any(words) else SI
+        return (parse_output_units(text), parse_output_units(text, of_file)) if text else (SI, of_file)
     except UsageError as error:
-        value.fault(str(error))
-        return SI
+        value.fault(str(error))  # type: ignore[union-attr]  # there is a text
+        return SI, SI
 
 
 def model_schema() -> Schema:
@@ -218,3 +419,115 @@ def model_schema() -> Schema:
         "description": "A shear building and its loads for tdint",
         **model_keys().schema(),
     }
+
+
+# ---- A model file with other stiffnesses and damping, comments kept
+
+
+def rewritten(before: Model, after: Model, place: Path) -> str | None:
+    """The text of a model's file with the stiffnesses and the damping of another model, for a file at `place`.
+
+    All else stays as it is written, comments, too; entries with `repeat` are written out where their stories differ,
+    and paths lead where they led. None where that text would not say what it should, as of a file with aliases.
+    """
+    faults = Faults(before.source)
+    text = decode(before.text, faults)
+    root = composed(text)
+    stories, damping = _entry(root, "stories"), _entry(root, "damping")
+    edits: list[tuple[int, int, str]] = []
+    if stories is None:
+        return None
+    first = 0
+    for entry in stories.value:
+        count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
+        pairs = list(zip(before.stories, after.stories, strict=True))[first : first + count]
+        first += count
+        edits.append(_with_stiffnesses(text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories))
+    if damping is not None and after.damping != before.damping:
+        edits.append((damping.start_mark.index, _end(damping), _damping_words(after.damping)))
+    record = _entry(_entry(root, "excitation"), "record")
+    source = after.excitation.record
+    if record is not None and source is not None:
+        of_station = _entry(record, "inventory")
+        for node, file in ((_entry(record, "file") or record, source.file), (of_station, source.choice.inventory)):
+            if node is not None and file not in (None, STDIN) and not Path(node.value).is_absolute():
+                path = os.path.relpath(str(file), place.parent)
+                edits.append((node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False)))
+    text = _edited(text, edits)
+    apart = copy_context()  # it is no input of the command
+    apart.run(READ.set, None)
+    try:
+        said = apart.run(load_model, io.StringIO(text))
+    except ModelError:
+        return None
+    numbers = [_numbers(model) for model in (said, after)]
+    same = [len(one) for one in numbers] == [len(numbers[0])] * 2 and all(
+        math.isclose(one, other, rel_tol=_WRITTEN) for one, other in zip(*numbers, strict=True)
+    )
+    return text if same and type(said.damping) is type(after.damping) else None
+
+
+def _numbers(model: Model) -> list[float]:
+    """The stiffnesses, and the numbers of the damping one after the other."""
+    damping = astuple(model.damping) if model.damping is not None else ()
+    listed = [value if isinstance(value, tuple) else (value,) for value in damping]
+    return [*(story.stiffness for story in model.stories), *(value for values in listed for value in values)]
+
+
+_WRITTEN = 1e-11
+"""To which numbers of twelve digits are what they were."""
+
+
+def _entry(node: Any, name: str) -> Any:
+    """The node under a key of a mapping; None where there is none."""
+    pairs = node.value if node is not None and isinstance(node.value, list) else ()
+    return next((pair[1] for pair in pairs if isinstance(pair, tuple) and pair[0].value == name), None)
+
+
+def _end(node: Any) -> int:
+    """Where a node ends: that of a block collection with its last scalar, before what stands behind it."""
+    if isinstance(node.value, str) or node.flow_style:
+        return int(node.end_mark.index)
+    last = node.value[-1]
+    return _end(last[1] if isinstance(last, tuple) else last)
+
+
+def _edited(text: str, edits: Sequence[tuple[int, int, str]], first: int = 0) -> str:
+    """A text with some parts of it replaced; their places count from `first`."""
+    for start, end, words in sorted(edits, reverse=True):
+        text = text[: start - first] + words + text[end - first :]
+    return text
+
+
+def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: Any) -> tuple[int, int, str]:
+    """An entry of `stories` with its stiffness times factors: once where all are the same, else once for each."""
+    start, end = entry.start_mark.index, _end(entry)
+    alike = all(factor == factors[0] for factor in factors)
+    stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")
+    copies = []
+    for factor in factors[:1] if alike else factors:
+        edits = []
+        if stiffness is not None and factor != 1.0:
+            number = f"{float(stiffness.value) * factor:.12g}"
+            edits.append((stiffness.start_mark.index, stiffness.end_mark.index, number))
+        if not alike:
+            edits.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
+        copies.append(_edited(text[start:end], edits, start))
+    between = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
+    return start, end, between.join(copies)
+
+
+def _damping_words(damping: Damping) -> str:
+    """The value of `damping` in a model file."""
+
+    def numbers(values: Sequence[float]) -> str:
+        return f"[{', '.join(f'{value:.12g}' for value in values)}]" if len(values) > 1 else f"{values[0]:.12g}"
+
+    match damping:
+        case RayleighRatio(ratios, modes):
+            return f"{{rayleigh: {{ratio: {numbers(ratios)}, modes: {numbers(modes)}}}}}"
+        case RayleighCoefficients(mass, stiffness):
+            return f"{{rayleigh: {{mass: {mass:.12g}, stiffness: {stiffness:.12g}}}}}"
+        case ModalDamping(ratios):
+            return f"{{modal: {numbers(ratios)}}}"
+    return "none"

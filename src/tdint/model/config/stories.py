@@ -9,10 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
-from tdint.model.config.units import ModelUnits
-from tdint.model.definition import MAX_STORIES, PowerDashpot, Story
-from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import (
+from tdint.model.config.sections import ModelUnits
+from tdint.model.definition import LAWS, MAX_STORIES, Law, PowerDashpot, Story, four_points, laws
+from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     Bounds,
@@ -23,10 +22,11 @@ from tdint.model.keys.kinds import (
     Key,
     Keys,
     Schema,
+    Section,
+    Value,
     ValueKind,
     Whole,
 )
-from tdint.model.laws import LAWS, Law, four_points, laws
 from tdint.units import MASS, STANDARD_GRAVITY
 
 LINEAR = Law("linear", ())
@@ -37,15 +37,15 @@ _POINTS = "two to four points [drift, force]"
 def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     """The keys of a law's mapping, or of one of its groups."""
     keys: dict[str, Key] = {}
-    for one in law.parameters:
-        needed = one.default is None and one.without is None
-        inner = _inner(one, group)
-        if one.group == group:
-            keys[one.name] = Key(one.name, _kind(one), needed=needed)
+    for parameter in law.parameters:
+        needed = parameter.default is None and parameter.without is None
+        inner = _inner(parameter, group)
+        if parameter.group == group:
+            keys[parameter.name] = Key(parameter.name, _kind(parameter), needed=needed)
         elif inner and inner not in keys:
             mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
-            whole = (_bounds(one), mapping, Choice(("none",)))
-            keys[inner] = Key(inner, Either(whole) if one.shared else mapping, needed=needed)
+            whole = (_bounds(parameter), mapping, Choice(("none",)))
+            keys[inner] = Key(inner, Either(whole) if parameter.shared else mapping, needed=needed)
     return tuple(keys.values())
 
 
@@ -99,8 +99,8 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
     possible = [LAWS[name]] if name else LAWS.values()
-    known = dict.fromkeys(["type", *(_inner(one, "") or one.name for law in possible for one in law.parameters)])
-    section = value.section(list(known))
+    admitted = dict.fromkeys(["type", *(_inner(one, "") or one.name for law in possible for one in law.parameters)])
+    section = value.section(list(admitted))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
@@ -118,17 +118,17 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     for name in names:
         groups[name] = _read_group(groups, law, name, unit)
     values: list[float] = []
-    known: dict[str, tuple[float, ...]] = {}
+    earlier: dict[str, tuple[float, ...]] = {}
     for parameter in law.parameters:
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
             read = _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
         elif parameter.points:
-            read = _read_points(groups[parameter.group], parameter, unit, known)
+            read = _read_points(groups[parameter.group], parameter, unit, earlier)
         else:
-            read = (_read_number(groups[parameter.group], parameter, unit, known),)
+            read = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += read
-        known.setdefault(parameter.name, read)
+        earlier.setdefault(parameter.name, read)
     return tuple(values)
 
 
@@ -151,20 +151,23 @@ def _read_group(
         return None
     names = [key.name for key in _keys(law, group)]
     if members[0].shared and not value.is_mapping:
-        what = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
-        return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), what)
+        expected = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
+        return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), expected)
     return value.section(names) or math.nan
 
 
 def _read_points(
-    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
+    group: Section | float | None,
+    parameter: LawParameter,
+    unit: ModelUnits,
+    earlier: Mapping[str, tuple[float, ...]],
 ) -> tuple[float, ...]:
     """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
     nothing = (math.nan,) * 8
     if isinstance(group, float):
         return nothing
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
-        return known[parameter.default]
+        return earlier[parameter.default]
     value = group.need(parameter.name, f"give {_POINTS}") if group else None
     items = value.items(_POINTS) if value else None
     if value is None or items is None:
@@ -179,11 +182,14 @@ def _read_points(
 
 
 def _read_number(
-    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
+    group: Section | float | None,
+    parameter: LawParameter,
+    unit: ModelUnits,
+    earlier: Mapping[str, tuple[float, ...]],
 ) -> float:
     """A parameter in SI, its default where it is left out."""
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
-    default = known[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
+    default = earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
     if isinstance(group, float):
         return group
     if group is None:
@@ -311,7 +317,7 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
     mass = section.get("mass")
     if mass and unit.mass_is_open:
         mass.fault(
-            "its unit is not said, and the file's units are not SI: add mass to `units` "
+            "its unit is not said, and the file's units are not m and N: add mass to `units` "
             f"({', '.join(MASS)}), or give the story's `weight`"
         )
     return section.number("mass", scale=unit.mass, default=math.nan)
@@ -335,14 +341,14 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     return 0.0, PowerDashpot(coefficient, exponent, below)
 
 
-def _read_stiffness(section: Section, own: float | None, law: Law, unit: ModelUnits) -> float:
+def _read_stiffness(section: Section, of_law: float | None, law: Law, unit: ModelUnits) -> float:
     """The initial stiffness, N/m, from the key `stiffness` or from the law's `own` one."""
     factor = unit.factor(force=1, length=-1)
-    if own is None:
+    if of_law is None:
         return section.number("stiffness", scale=factor)
     given = section.get("stiffness")
-    stiffness = given.number(scale=factor) if given else own
-    if given and abs(stiffness - own) > _AGREEMENT * own:
-        initial = f"the initial stiffness {own / factor:.10g} of its {law.name} law"
+    stiffness = given.number(scale=factor) if given else of_law
+    if given and abs(stiffness - of_law) > _AGREEMENT * of_law:
+        initial = f"the initial stiffness {of_law / factor:.10g} of its {law.name} law"
         given.fault(f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or leave it out")
-    return own
+    return of_law

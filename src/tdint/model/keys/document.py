@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from tdint.errors import ModelError
-from tdint.input_bytes import is_named_pipe, note_input
+from tdint.files import is_named_pipe, note_input
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import Faults, decode, nodes_of, parse, text_of
 
@@ -79,9 +79,9 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
     if len(content) > MAX_BYTES:
         raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}")
     # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
-    found = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
-    note_input(label, found)
-    return found
+    encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    note_input(label, encoded)
+    return encoded
 
 
 def read_document(

@@ -10,16 +10,221 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import lt
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from tdint.errors import UsageError, did_you_mean, nearest
+from tdint.errors import ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
-from tdint.model.keys.kinds import ANY, Bounds, Choice, EntriesOf, Flag, Keys, ValueKind, Whole, Words
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.written_numbers import LARGEST, SMALLEST
+
+# ---- What a file may say under a key, declared once: the reader takes names and bounds from here, and so does the
+# JSON schema that editors check a file against while it is written
+
+Schema = dict[str, Any]
+
+_PERCENTAGE = r"^[0-9.]+([eE][+-]?[0-9]+)?%$"
+
+
+class ValueKind(Protocol):
+    """What the value of a key is."""
+
+    def schema(self) -> Schema:
+        """The JSON schema (draft 7) of such values."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Numbers that a key allows; a `ratio` may be written 0.05 or 5%."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    low_allowed: bool = True
+    high_allowed: bool = True
+    ratio: bool = False
+
+    def allow(self, number: float) -> bool:
+        """Whether `number` lies in the bounds."""
+        above = number >= self.low if self.low_allowed else number > self.low
+        below = number <= self.high if self.high_allowed else number < self.high
+        return above and below
+
+    def __str__(self) -> str:
+        if self.low == 0.0 and self.high == math.inf:
+            return "zero or a positive number" if self.low_allowed else "a positive number"
+        limits = []
+        if self.low > -math.inf:
+            limits.append(f"{'of at least' if self.low_allowed else 'above'} {self.low:g}")
+        if self.high < math.inf:
+            limits.append(f"{'of at most' if self.high_allowed else 'below'} {self.high:g}")
+        return " ".join(["a number", " and ".join(limits)]).rstrip()
+
+    def schema(self) -> Schema:
+        """A number within the bounds; a percentage is checked for its form alone."""
+        result: Schema = {"type": "number"}
+        if self.low > -math.inf:
+            result["minimum" if self.low_allowed else "exclusiveMinimum"] = self.low
+        if self.high < math.inf:
+            result["maximum" if self.high_allowed else "exclusiveMaximum"] = self.high
+        return {"anyOf": [result, {"type": "string", "pattern": _PERCENTAGE}]} if self.ratio else result
+
+
+ANY = Bounds()
+POSITIVE = Bounds(low=0.0, low_allowed=False)
+NOT_NEGATIVE = Bounds(low=0.0)
+RATIO = Bounds(low=0.0, high=1.0, high_allowed=False, ratio=True)
+POSITIVE_RATIO = Bounds(low=0.0, low_allowed=False, ratio=True)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole number within bounds; `what` says what these stand for."""
+
+    low: int
+    high: int
+    what: str = ""
+
+    def schema(self) -> Schema:
+        return {"type": "integer", "minimum": self.low, "maximum": self.high}
+
+
+@dataclass(frozen=True)
+class Flag:
+    """True or false."""
+
+    def schema(self) -> Schema:
+        return {"type": "boolean"}
+
+
+@dataclass(frozen=True)
+class Words:
+    """A line of text; a number without quotes is one, too."""
+
+    def schema(self) -> Schema:
+        return {"type": ["string", "number"]}
+
+
+@dataclass(frozen=True)
+class PathOf:
+    """The path of a file, relative to the one that it stands in; `-` is standard input."""
+
+    def schema(self) -> Schema:
+        return {"type": "string"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some names; `what` says what they name."""
+
+    names: tuple[str, ...]
+    what: str = "value"
+
+    def schema(self) -> Schema:
+        return {"enum": list(self.names)}
+
+
+@dataclass(frozen=True)
+class EntriesOf:
+    """A list whose entries are of one kind; `what` says it in words, `short` what to do where there are too few, and
+    `distinct` what entries are none of which stands twice."""
+
+    kind: ValueKind
+    least: int = 0
+    most: int | None = None
+    what: str = "a list"
+    short: str = ""
+    growing: bool = False
+    distinct: str = ""
+
+    def schema(self) -> Schema:
+        limits = {"minItems": self.least} if self.least else {}
+        limits |= {"maxItems": self.most} if self.most is not None else {}
+        return {"type": "array", "items": self.kind.schema(), **limits}
+
+
+@dataclass(frozen=True)
+class ByName:
+    """A mapping with names of its own choice; `make` takes the value and what stands under each name."""
+
+    kind: ValueKind
+    what: str
+    none: str
+    make: Callable[..., Any]
+
+    def schema(self) -> Schema:
+        return {"type": "object", "additionalProperties": self.kind.schema()}
+
+
+@dataclass(frozen=True)
+class Either:
+    """One of several kinds; `what` says it in words."""
+
+    kinds: tuple[ValueKind, ...]
+    what: str = ""
+
+    def schema(self) -> Schema:
+        return {"anyOf": [kind.schema() for kind in self.kinds]}
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a mapping: its name, what stands under it, what it means, and whether it must be there."""
+
+    name: str
+    kind: ValueKind
+    meaning: str = ""
+    needed: bool = False
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Keys(Sequence[str]):
+    """The keys of a mapping, as a sequence of their names.
+
+    Attributes
+    ----------
+    declared : tuple of Key
+        In the order in which messages name them.
+    one_of : tuple of tuple of str
+        Of each of these groups of keys one, and only one, must be there.
+    """
+
+    declared: tuple[Key, ...]
+    one_of: tuple[tuple[str, ...], ...] = ()
+    ways: tuple[tuple[str, ...], ...] = ()
+    what: str = ""
+    make: Callable[..., Any] | None = None
+
+    def __getitem__(self, place: Any) -> Any:
+        return tuple(self)[place]
+
+    def __len__(self) -> int:
+        return len(self.declared)
+
+    def __iter__(self) -> Iterator[str]:
+        return (key.name for key in self.declared)
+
+    def kinds(self) -> Mapping[str, ValueKind]:
+        """The kind of each key."""
+        return {key.name: key.kind for key in self.declared}
+
+    def schema(self) -> Schema:
+        properties = {
+            key.name: key.kind.schema() | ({"description": key.meaning} if key.meaning else {}) for key in self.declared
+        }
+        result: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
+        needed = [key.name for key in self.declared if key.needed]
+        if needed:
+            result["required"] = needed
+        if self.one_of:
+            result["allOf"] = [{"oneOf": [{"required": [name]} for name in names]} for names in self.one_of]
+        return result
+
+
+# ---- Fields
 
 Parsed = TypeVar("Parsed")
 
@@ -66,6 +271,11 @@ class Value:
         """The text of a single value, as it stands; empty for anything else and for nothing."""
         return self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
 
+    @property
+    def place(self) -> ModelFault:
+        """Where it stands."""
+        return ModelFault(self.faults.source, self.node.line, self.node.column, self.key, "")
+
     def fault(self, message: str) -> None:
         """Note what is wrong with this value."""
         self.faults.add(self.node, self.key, message)
@@ -91,8 +301,8 @@ class Value:
             return math.nan
         return converted
 
-    def whole(self, low: int = 0, high: int = -1, what: str = "") -> int | None:
-        """The whole number from `low` to `high`; None if there is a fault. `what` says what the bounds stand for."""
+    def whole(self, low: int = 0, high: int = -1, quantity: str = "") -> int | None:
+        """The whole number from `low` to `high`; None if there is a fault. `quantity`: what the bounds stand for."""
         if high < low:
             assert isinstance(self.kind, Whole)
             low, high = self.kind.low, self.kind.high
@@ -100,7 +310,7 @@ class Value:
         if _WHOLE.fullmatch(text) and low <= int(text) <= high:
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
-        self.fault(f"must be {limits}{what}, got {self._shown_unquoted(_NUMBER)}")
+        self.fault(f"must be {limits}{quantity}, got {self._shown_unquoted(_NUMBER)}")
         return None
 
     def counted(self, count: int | None) -> int | None:
@@ -137,14 +347,85 @@ class Value:
                 number = self.number()
                 return None if math.isnan(number) else number
             case Whole():
-                return self.whole()
+                return self.whole(quantity=self.kind.what)
+            case Either():
+                return self._alternative(self.kind)
+            case EntriesOf():
+                return self._entries_of(self.kind)
+            case Keys():
+                return self._made(self.kind)
             case Flag():
                 return self.boolean()
             case Choice(names, what):
                 return self.choice(names, what)
+            case ByName():
+                return self._by_name(self.kind)
+            case PathOf():
+                return self.file(stdin=True)
             case Words():
                 return self.text()
         raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
+
+    def _alternative(self, either: Either) -> Any:
+        shape = Keys if self.is_mapping else EntriesOf if self.is_list else (Bounds, Whole, Choice, PathOf)
+        for kind in either.kinds:
+            if isinstance(kind, shape) and not (isinstance(kind, Choice) and self.word not in kind.names):
+                if isinstance(kind, Bounds):
+                    number = self.number(kind, what=either.what)
+                    return None if math.isnan(number) else number
+                return replace(self, kind=kind).read()
+        self.fault(f"must be {either.what}, got {self._shown()}")
+        return None
+
+    def _entries_of(self, kind: EntriesOf) -> Any:
+        items = self.items(kind.what)
+        if items is None:
+            return None
+        # The members first, so that all that is wrong with them is told beside their number.
+        values = tuple(item.read() for item in items)
+        if not kind.least <= len(items) <= (kind.most or math.inf):
+            self.fault(
+                kind.short if kind.short and len(items) < kind.least else f"must be {kind.what}, got {len(items)}"
+            )
+            return None
+        if None in values:
+            return None
+        if kind.distinct and len({*values}) < len(values):
+            self.fault(f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} twice")
+            return None
+        if kind.growing and not all(map(lt, values, values[1:])):
+            self.fault(f"must be {kind.what}")
+        return values
+
+    def _by_name(self, kind: ByName) -> Any:
+        section = self.section(Keys(tuple(Key(name, kind.kind) for name in dict.fromkeys(self.names))), kind.what)
+        if section is None:
+            return None
+        if not self.names:
+            self.fault(kind.none)
+            return None
+        entries = {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
+        return kind.make(self, {name: (entry, entry.read()) for name, entry in entries.items()})
+
+    def _made(self, kind: Keys) -> Any:
+        """What the mapping's own `make` gives of its entries; by one of its ways, where it has several."""
+        section = self.section(kind, kind.what)
+        if section is None:
+            return None
+        given = [way for way in kind.ways if section.has(*way)]
+        if len(given) > 1:
+            self.fault(f"give either {' or '.join(map(' and '.join, given))}, not both")
+            return None
+        if kind.ways and not any(section.mentions(*way) for way in kind.ways):
+            self.fault(f"must be {kind.what}, got a mapping without either")
+        needed = {*given[0]} if given else {key.name for key in kind.declared if key.needed}
+        values = {}
+        for key in kind.declared:
+            advice = key.advice or (f"give {key.kind}" if isinstance(key.kind, Bounds) else "")
+            value = section.need(key.name, advice) if key.name in needed else section.get(key.name)
+            values[key.name] = value.read() if value else None
+        complete = all(values[name] is not None for name in needed) if needed else bool(any(values.values()))
+        return kind.make(self, **values) if kind.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """What `parse` makes of the text; None if there is a fault, as where it raises UsageError."""
@@ -157,21 +438,21 @@ class Value:
             self.fault(str(error))
             return None
 
-    def choice(self, known: Collection[str], what: str) -> str | None:
-        """One of the `known` names; None if there is a fault. `what` says what they name."""
+    def choice(self, names: Collection[str], kind: str) -> str | None:
+        """One of the `names`; None if there is a fault. `kind` says what they name."""
         if not isinstance(self.node, ScalarNode) or self._is_nothing():
-            self.fault(f"must be the name of a {what}, got {self._shown()}")
-        elif self.node.text not in known:
-            self.fault(f"unknown {what} {self._shown()}{_advice(self.node.text, known)}")
+            self.fault(f"must be the name of a {kind}, got {self._shown()}")
+        elif self.node.text not in names:
+            self.fault(f"unknown {kind} {self._shown()}{_advice(self.node.text, names)}")
         else:
             return self.node.text
         return None
 
-    def items(self, what: str, empty: str = "") -> tuple[Value, ...] | None:
-        """The entries of a list; None if there is a fault. `what` says what the list must be, and `empty`, if it must
+    def items(self, expected: str, empty: str = "") -> tuple[Value, ...] | None:
+        """The entries of a list; None if there is a fault. `expected`: what the list must be, and `empty`, if it must
         have entries, what is wrong without."""
         if not isinstance(self.node, ListNode):
-            self.fault(f"must be {what}, got {self._shown()}")
+            self.fault(f"must be {expected}, got {self._shown()}")
             return None
         if empty and not self.node.items:
             self.fault(empty)
@@ -226,11 +507,11 @@ class Value:
             return "nothing"
         return quoted(self.node.text)
 
-    def _shown_unquoted(self, wanted: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
+    def _shown_unquoted(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
         """The same where quotes are out of place, with what to do about the value as far as that can be told."""
         if not isinstance(self.node, ScalarNode) or not math.isnan(self._bare_number(bounds)):
             return self._shown()
-        if re.fullmatch(wanted, self.node.text):
+        if re.fullmatch(pattern, self.node.text):
             return self._shown() + ("" if self.node.plain else " in quotes; remove the quotes")
         return self._shown() + next((hint for form, hint in _NUMBER_HINTS if form.fullmatch(self.node.text)), "")
 
@@ -244,10 +525,10 @@ class Section:
         The mapping itself, for faults that concern it as a whole.
     """
 
-    def __init__(self, value: Value, node: MappingNode, known: Collection[str]) -> None:
+    def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:
         self.value = value
         self._entries: dict[str, Value] = {}
-        self._kinds = known.kinds() if isinstance(known, Keys) else {}
+        self._kinds = keys.kinds() if isinstance(keys, Keys) else {}
         self._excused: set[str] = set()  # keys whose absence follows from a fault already noted
         lines: dict[str, int] = {}
         for key, entry in node.entries:
@@ -258,8 +539,8 @@ class Section:
                 value.faults.add(key, self.path(key.text), message)
             else:
                 lines[key.text] = key.line
-                self._admit(key, entry, known)
-        self._admit_misspelled(node, known)
+                self._admit(key, entry, keys)
+        self._admit_misspelled(node, keys)
 
     def has(self, *names: str) -> bool:
         """Whether one of the entries is there."""
@@ -311,8 +592,8 @@ class Section:
     def inner(self, name: str) -> Section:
         """The section under a key, as that declares it: an empty one if there is none, or after a fault."""
         value = self.get(name)
-        found = value.section() if value else None
-        return found or Section(Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ())
+        section = value.section() if value else None
+        return section or Section(Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ())
 
     def refuse(self, names: Collection[str], reason: str) -> None:
         """Note that some entries, where they are there, have no place in this section."""
@@ -330,23 +611,23 @@ class Section:
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
 
-    def _admit(self, key: ScalarNode, entry: Node, known: Collection[str]) -> None:
+    def _admit(self, key: ScalarNode, entry: Node, keys: Collection[str]) -> None:
         faults, path = self.value.faults, self.path(key.text)
-        if key.text in known:
+        if key.text in keys:
             self._entries[key.text] = Value(entry, path, faults, self._kinds.get(key.text))
         elif key.text == "<<" and key.plain:
             faults.add(key, path, "merge keys are not supported; write the entries out")
-            self._excused.update(known)
+            self._excused.update(keys)
         else:
-            faults.add(key, path, "unknown key" + _advice(key.text, known))
-            self._excused.update(filter(None, [nearest(key.text, known)]))
+            faults.add(key, path, "unknown key" + _advice(key.text, keys))
+            self._excused.update(filter(None, [nearest(key.text, keys)]))
 
-    def _admit_misspelled(self, node: MappingNode, known: Collection[str]) -> None:
+    def _admit_misspelled(self, node: MappingNode, keys: Collection[str]) -> None:
         """Read what stands under a misspelled key as that of the key that was meant, for the faults in it."""
         for key, entry in node.entries:
-            if not isinstance(key, ScalarNode) or key.text in known:
+            if not isinstance(key, ScalarNode) or key.text in keys:
                 continue
-            meant = nearest(key.text, known, cutoff=_MEANT)
+            meant = nearest(key.text, keys, cutoff=_MEANT)
             if meant and meant not in self._entries:
                 self._entries[meant] = Value(entry, self.path(key.text), self.value.faults, self._kinds.get(meant))
 
@@ -363,5 +644,5 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def _advice(name: str, known: Collection[str]) -> str:
-    return did_you_mean(name, known) or f"; known: {', '.join(known)}"
+def _advice(name: str, names: Collection[str]) -> str:
+    return did_you_mean(name, names) or f"; known: {', '.join(names)}"

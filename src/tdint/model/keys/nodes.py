@@ -119,6 +119,11 @@ def decode(data: bytes, faults: Faults) -> str:
     raise faults.error()
 
 
+def composed(text: str) -> Any:
+    """The root of a document that `parse` has taken, as PyYAML has it: nodes know where they begin and end."""
+    return yaml.compose(text, Loader=yaml.SafeLoader)
+
+
 class _Composer:
     """Builds nodes from the events of PyYAML's parser."""
 

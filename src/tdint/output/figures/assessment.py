@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
+from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
 from tdint.output.figures.style import (
     COLORS,
@@ -18,16 +21,24 @@ from tdint.output.figures.style import (
     MARKERS,
     add_legend,
     add_title,
+    is_narrow,
     legend_columns,
     line_look,
+    plain_minor_numbers,
     plain_numbers,
+    write_labels,
 )
+from tdint.output.printed import PRINTED
+from tdint.output.tables.methods import PEER
+from tdint.system import CLOCKS, version_of_sources
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
+    from tdint.analysis.assessment.failures import Trial
     from tdint.analysis.assessment.order import ObservedOrder
-    from tdint.analysis.assessment.overshoot import Overshoot
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
-    from tdint.analysis.assessment.stability import StabilityCurve
+    from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
+    from tdint.analysis.chart.work_precision import Chart, Point
 
 _NARROW = 31  # labels that fit into three columns
 _ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
@@ -344,3 +355,338 @@ def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequenc
         lines[label] = line
     axes.set_xlabel("time (s)")
     return lines
+
+
+# ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
+
+_CELL = (0.46, 0.25)  # inches
+_NARROW_FOOT = 62  # letters of 6 points on the width of a column
+
+
+class _Mark(NamedTuple):
+    """How a cell looks: filling, hatching, ink; verdicts that are not listed look like the last entry."""
+
+    face: str
+    hatch: str = ""
+    ink: str = "black"
+
+
+_MARKS = {
+    "pass": _Mark("white", ink="0.45"),
+    "loses energy": _Mark("#dbe7f3", hatch="/////"),
+    "gains energy": _Mark("#d1782c", hatch="\\\\\\"),
+    "blows up": _Mark("black", ink="white"),
+    "does not converge": _Mark("0.35", hatch="....", ink="white"),
+    "refused": _Mark("white", ink="0.45"),
+    "": _Mark("0.82"),
+}
+_LEGEND = (
+    ("pass", "passes"),
+    ("loses energy", "loses energy"),
+    ("", "rings, overshoots, grows, inaccurate"),
+    ("gains energy", "gains energy"),
+    ("does not converge", "does not converge"),
+    ("blows up", "blows up"),
+)
+_EXPLANATION = (
+    "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the error that is judged.\n"
+    "After a failure: the steps done until then. - : the method is not for this building."
+)
+
+
+def failure_picture(trials: Sequence[Trial]) -> Figure:
+    """Picture of who fails where: a row per method, a column per problem and step.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        A cell each.
+    """
+    methods = list(dict.fromkeys(trial.method for trial in trials))
+    columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
+    narrow = is_narrow()  # numbers stand upright then
+    width, height = _CELL[0] * len(columns), _CELL[1] * len(methods) * (2.8 if narrow else 1.0)
+    figure = Figure(figsize=(max(width + 2.2, 7.5), height + (5.0 if narrow else 3.2)), layout="constrained")
+    axes = figure.subplots()
+    for trial in trials:
+        _draw_cell(axes, columns.index((trial.problem, trial.dt)), methods.index(trial.method), trial)
+    _frame(axes, columns, methods)
+    for first in range(1, len(columns)):
+        if columns[first][0] != columns[first - 1][0]:
+            axes.axvline(first - 0.5, color="black", linewidth=1.2)
+    handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
+    size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
+    texts = [text for _, text in _LEGEND]
+    explanation = "\n".join(wrap(_EXPLANATION, _NARROW_FOOT)) if narrow else _EXPLANATION
+    legend = figure.legend(handles, texts, loc="outside lower center", title=explanation, **size)
+    legend.get_title().set_multialignment("center")
+    add_title(figure, "Problems on which methods fail")
+    return figure
+
+
+def _frame(axes: Any, columns: Sequence[tuple[str, float]], methods: Sequence[str]) -> None:
+    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(methods) - 0.5, -0.5))
+    axes.grid(False)
+    axes.tick_params(length=0.0)
+    axes.xaxis.tick_top()
+    short = short_labels(methods)
+    names = [f"{name}, dt {dt:.4g}" for name, dt in columns]
+    upright = {"rotation": 90.0} if is_narrow() else {"rotation": 60.0, "ha": "left"}
+    axes.set_xticks(range(len(columns)), names, **upright)
+    axes.set_yticks(range(len(methods)), [short[method] for method in methods], parse_math=False)
+
+
+def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
+    return Rectangle(
+        (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=mark.face, hatch=mark.hatch, edgecolor="0.4", linewidth=0.5
+    )
+
+
+def _draw_cell(axes: Any, x: int, y: int, trial: Trial) -> None:
+    mark = _MARKS.get(trial.verdict, _MARKS[""])
+    axes.add_patch(_patch(x, y, mark))
+    behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
+    look = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if is_narrow() else 0.0}
+    axes.text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
+
+
+def _words(trial: Trial) -> str:
+    """Three digits of what is judged, the steps done before a failure, or a dash."""
+    if math.isnan(trial.measure):
+        return "-" if trial.outcome == "refused" else str(trial.steps)
+    if 0.01 <= trial.measure < 1000.0 or trial.measure == 0.0:
+        return f"{trial.measure:.3g}"
+    digits, power = f"{trial.measure:.{int(trial.measure > 1e-9)}e}".split("e")
+    return f"{float(digits):g}e{int(power)}"
+
+
+# ---- Figures of work against precision: time over error, error over step, cost over size; readable in black and
+# white
+
+_NARROW_CHART = 31  # labels that fit into three columns
+_FRONT = "0.85"
+_SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
+_LARGEST_ERROR = 10.0  # what is further off is cut
+_COSTS = {
+    "time": "{clock} in the compiled loop (s)",
+    "steps": "time steps",
+    "solves": "solves of the equations (of scipy evaluations of the rate)",
+}
+_FOOT = 100  # characters in a line of a picture's foot
+
+
+def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time") -> Figure:
+    """Picture of a chart: time over error, a line per method; or error over step.
+
+    A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
+    the gap stands for the cheapest. The grey band joins the points that no other one beats in both time and error.
+
+    Parameters
+    ----------
+    chart : Chart
+        What was measured.
+    name : str
+        Of the building, for the title.
+    target : str
+        The error to show, a key of `QUANTITIES`.
+    versus : str
+        `time`, `steps`, `solves`: a cost over the error; `dt`: the error over the step. Programs that do not count
+        their steps have no points over these.
+    """
+    if versus == "dt":
+        return _draw_steps(_Drawing(chart, target), name)
+    return _draw_costs(_Drawing(chart, target, versus), name)
+
+
+def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
+    """Picture of time per step and of error over the number of stories, at the step closest to the record's."""
+    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    cost, accuracy = figure.subplots(1, 2)
+    lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
+    handles = []
+    for i, line in enumerate(lines):
+        drawings = [_Drawing(chart, target) for chart in charts]
+        points = [(drawing, _closest(drawing, line)) for drawing in drawings]
+        found = [(drawing, point) for drawing, point in points if point is not None]
+        stories = [drawing.chart.stories for drawing, _ in found]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        handles += cost.plot(stories, step_cost, **_style(i, line))
+        error = [drawing.error(point) for drawing, point in found]
+        accuracy.plot(stories, error, **_style(i, line))
+    for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
+        _chart_frame(axes)
+        plain_numbers(axes.xaxis)
+        axes.set(xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories", ylabel=label)
+    _draw_proportion(cost, charts)
+    add_legend(figure, cost, handles, lines, _NARROW_CHART)
+    add_title(
+        figure,
+        f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
+    )
+    return figure
+
+
+class _Drawing:
+    """What of a chart is drawn for one of the errors."""
+
+    def __init__(self, chart: Chart, target: str, versus: str = "time") -> None:
+        self.chart = chart
+        self.target = target
+        self.versus = versus
+        self.gap = max(chart.reference.gap.of(target), _SMALLEST_GAP)
+        lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
+        for point in chart.points:
+            if point.error(target) >= 0.0 and self.cost(point) > 0.0:  # not where it is nan
+                lines[point.line].append(point)
+        self.lines = {line: points for line, points in lines.items() if points}
+        self.points = [point for points in self.lines.values() for point in points]
+
+    def cost(self, point: Point) -> float:
+        """What the march costs; nan where it was not counted."""
+        cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[self.versus]
+        return math.nan if cost is None else float(cost)
+
+    def error(self, point: Point) -> float:
+        """The error, or the gap where it is less."""
+        return max(point.error(self.target), self.gap)
+
+    def known(self, points: Sequence[Point]) -> list[Point]:
+        """Points whose error is above the gap."""
+        return [point for point in points if point.error(self.target) > self.gap]
+
+    def place(self, point: Point) -> tuple[float, float]:
+        """Error and cost."""
+        return self.error(point), self.cost(point)
+
+    def front(self) -> list[Point]:
+        """The points that no other one beats in both cost and error, the cheapest first."""
+        front: list[Point] = []
+        for point in sorted(self.points, key=lambda point: (self.cost(point), self.error(point))):
+            if not front or self.error(point) < self.error(front[-1]):
+                front.append(point)
+        return front
+
+    def shown(self) -> list[Point]:
+        """Points that have a mark: those above the gap, and of each line the cheapest below it."""
+        return [point for points in self.lines.values() for point in (*self.known(points), *self.below(points))]
+
+    def below(self, points: Sequence[Point]) -> list[Point]:
+        """The cheapest point below the gap, if there is one."""
+        below = [point for point in points if point.error(self.target) <= self.gap]
+        return [min(below, key=self.cost)] if below else []
+
+    def own(self) -> list[Point]:
+        """The points with the record's own step."""
+        interval = self.chart.interval
+        return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
+
+
+def _style(i: int, line: str) -> dict[str, Any]:
+    """Dashes and markers that tell lines apart without color; open markers for other programs."""
+    look = line_look(i)
+    face = "white" if PEER in line else look["color"]
+    return look | {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": face}
+
+
+def _draw_costs(drawing: _Drawing, name: str) -> Figure:
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    axes = figure.subplots()
+    front = drawing.front()
+    axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
+    handles = []
+    for i, (line, points) in enumerate(drawing.lines.items()):
+        style = _style(i, line)
+        known, below = drawing.known(points), drawing.below(points)
+        axes.plot(*_columns(drawing, [*known, *below]), **style | {"marker": "none"})
+        axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
+        axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
+        handles += axes.plot([], [], **style)
+    rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
+    axes.plot(*_columns(drawing, drawing.own()), linestyle="none", **rings, markeredgewidth=0.8)
+    _chart_frame(axes)
+    if drawing.versus != "time":  # within a decade, often
+        plain_numbers(axes.yaxis)
+        plain_minor_numbers(axes.yaxis)
+    axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
+    axes.set(
+        xlabel=f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}",
+        ylabel=_COSTS[drawing.versus].format(clock=CLOCKS[drawing.chart.timing.clock]),
+    )
+    add_legend(figure, axes, handles, list(drawing.lines), _NARROW_CHART)
+    add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
+    shown = drawing.shown()
+    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
+    wanted = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
+    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in wanted]
+    write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
+    return figure
+
+
+def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return [drawing.error(point) for point in points], [drawing.cost(point) for point in points]
+
+
+def _chart_frame(axes: Any) -> None:
+    """Logarithmic axes with every decade."""
+    for axis, scale in ((axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)):
+        scale("log")
+        axis.set_major_locator(LogLocator(numticks=20))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _footnote(drawing: _Drawing) -> str:
+    """What the ring marks, and what the errors are relative to."""
+    chart, reference = drawing.chart, drawing.chart.reference
+    gap = reference.gap.of(drawing.target)
+    whose = "record" if chart.recorded else "model"
+    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
+    return "\n".join(
+        wrap(
+            f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
+            f"{reference.dt:.3g} s, from which {reference.confirmed_by} differs by {gap:.1e}; times: "
+            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}; {', '.join(programs)}",
+            _FOOT,
+        )
+    )
+
+
+def _title(drawing: _Drawing, name: str, what: str) -> str:
+    stories = drawing.chart.stories
+    return f"{name}\n{how_many(stories, 'story')}: {what}"
+
+
+def _draw_steps(drawing: _Drawing, name: str) -> Figure:
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    axes = figure.subplots()
+    handles, labels = [], []
+    for i, (line, points) in enumerate(drawing.lines.items()):
+        known = [point for point in drawing.known(points) if not math.isnan(point.dt)]
+        if known:
+            handles += axes.plot(
+                [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
+            )
+            labels.append(line)
+    axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
+    _chart_frame(axes)
+    axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
+    axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
+    axes.set_ylabel(QUANTITIES[drawing.target])
+    add_legend(figure, axes, handles, labels, _NARROW_CHART)
+    add_title(figure, _title(drawing, name, "error over the time step"))
+    return figure
+
+
+def _closest(drawing: _Drawing, line: str) -> Point | None:
+    """The point of a line whose step is closest to the record's."""
+    interval = drawing.chart.interval
+    points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
+    return min(points, key=lambda point: abs(math.log(point.dt / interval)), default=None)
+
+
+def _draw_proportion(axes: Any, charts: Sequence[Chart]) -> None:
+    """A line of cost in proportion to size, under the others."""
+    stories = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
+    top = axes.get_ylim()[1]
+    limits = axes.get_ylim()
+    axes.plot(stories, 0.5 * top * stories / stories[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
+    axes.set_ylim(limits)

@@ -1,22 +1,52 @@
-"""Figure of a comparison: each floor's motion as recorded and as computed, and the spectra of both."""
+"""Figures of comparisons: each floor's motion as recorded and as computed, with the spectra of both; methods over many
+problems."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
+from tdint.analysis.defaults import PEAKS
 from tdint.arrays import Array
-from tdint.output.figures.spectrum_axes import log_periods
-from tdint.output.figures.style import LIGHT, MARK, add_title, record_name
-from tdint.output_units import SI, OutputUnits
+from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
+from tdint.ground_motion.record import Record
+from tdint.output.figures.spectrum_curves import log_periods
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    LIGHT,
+    MARK,
+    MARKERS,
+    add_legend,
+    add_ratio_axis,
+    add_title,
+    changed,
+    is_narrow,
+    line_look,
+    plain_numbers,
+    record_name,
+    scaled_unit,
+    write_note,
+)
+from tdint.output.tables.methods import PEER
+from tdint.output.tables.spectra import RecordInfo
+from tdint.system import CLOCKS, version_of_sources
+from tdint.units import SI, OutputUnits
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
-    from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
-
+    from tdint.analysis.chart.profiles import FieldChart
+    from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
+    from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.static import CyclicTest, Pushover
+    from tdint.analysis.target_displacement import TargetDisplacement
+    from tdint.model.modes import Modes
 
 _RECORDED, _COMPUTED = LIGHT, MARK
 _MOST_ROWS, _WORST = 6, 4  # floors that are drawn; of more, those that agree least, and an overview
@@ -146,3 +176,376 @@ def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
     axes.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
     axes.tick_params(axis="x", which="both", labelsize=7.0)
     log_periods(axes, spectra.periods)
+
+
+# ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
+
+_MOST = 4
+_MARKED = 20  # floors that have markers
+
+
+def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
+    """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
+    figure = Figure(figsize=(5.4, 5.6), layout="constrained")
+    draw_modes(figure.subplots(), modes, norm)
+    add_title(figure, name)
+    return figure
+
+
+def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
+    """The shapes of the first modes over the floors."""
+    shapes = modes.normalized(norm)
+    floors = np.arange(len(shapes) + 1)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.8)
+    for mode in range(min(_MOST, len(floors) - 1)):
+        label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
+        marker = MARKERS[mode] if len(shapes) <= _MARKED else None
+        look = line_look(mode) | {"marker": marker, "markersize": 4.0}
+        axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
+    axes.set_ylim(0.0, floors[-1])
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.set_ylabel("floor")
+    axes.set_xlabel("shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1")
+    axes.legend(loc="best")
+
+
+def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
+    """Picture of a response spectrum analysis: drifts, shears and displacements over the height."""
+    figure = Figure(figsize=(8.8, 4.6), layout="constrained")
+    drift, shear, displacement = figure.subplots(1, 3)
+    draw_modal_drifts(drift, result, units)
+    factor, unit = scaled_unit(float(np.max(result.shear_srss)), "N", units)
+    _over_height(shear, {"SRSS": result.shear_srss * factor, "CQC": result.shear_cqc * factor}, f"story shear ({unit})")
+    floors = {"SRSS": result.displacement_srss, "CQC": result.displacement_cqc}
+    for number, (rule, values) in enumerate(floors.items()):
+        moved = np.concatenate(([0.0], units.of(values, "m")))
+        displacement.plot(moved, np.arange(moved.size), label=rule, **line_look(number))
+    displacement.set(ylim=(0, result.period.size), ylabel="floor", xlabel=f"displacement ({units.label('m')})")
+    displacement.yaxis.get_major_locator().set_params(integer=True)
+    displacement.set_xlim(0.0, None)
+    add_title(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
+    return figure
+
+
+def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
+    """Drifts of the stories by both rules: ratios, where all stories have heights."""
+    ratio = not np.isnan(result.height).any()
+    scale = 100.0 / result.height if ratio else 1.0 / units.unit("m")[1]
+    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
+    _over_height(axes, {"SRSS": result.drift_srss * scale, "CQC": result.drift_cqc * scale}, label)
+    axes.legend(loc="best")
+
+
+def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
+    """Values of the stories, a stair each."""
+    for number, (rule, values) in enumerate(rows.items()):
+        stories = np.arange(values.size + 1) + 0.5
+        look = {"linestyle": DASHES[number], "color": COLORS[number]}
+        axes.stairs(values, stories, orientation="horizontal", baseline=None, label=rule, **look)
+    axes.set(ylim=(stories[0], stories[-1]), xlim=(0.0, None), ylabel="story", xlabel=label)
+    axes.yaxis.get_major_locator().set_params(integer=True)
+
+
+def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
+    """Picture of a cyclic test: shear over drift, and the energies over the cycles.
+
+    Parameters
+    ----------
+    test : CyclicTest
+        A result of `tdint.analysis.static.cyclic_test`.
+    """
+    figure = Figure(figsize=(6.5, 7.6), layout="constrained")
+    loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
+    draw_loop(loop, test, units)
+    _draw_energy(energy, test, units)
+    kind = "cyclic test" if test.points else "path of drifts"
+    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
+    return figure
+
+
+def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    """The shear of the story over its drift."""
+    factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
+    drift = units.of(test.path.drift, "m")
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.plot(drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
+    if test.geometric_stiffness:
+        # Not dashed: the dashes of one cycle would fill the gaps of another.
+        force = test.shear_with_p_delta * factor
+        axes.plot(drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
+    _mark_yielding(axes, test, units)
+    if len(axes.get_legend_handles_labels()[0]) > 1:
+        axes.legend(loc="upper left")
+    axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+    add_ratio_axis(axes, units.of(test.height, "m"), "drift ratio (%)")
+
+
+def _mark_yielding(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    """Dotted lines at the drifts of first yield, where the test goes beyond them."""
+    if not test.yield_drift < float(np.max(test.path.drift)):
+        return
+    drift = units.of(test.yield_drift, "m")
+    label = f"yield drift {drift:.3g} {units.label('m')}"
+    for at, said in ((drift, label), (-drift, None)):
+        axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=said)
+
+
+def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
+    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J", units)
+    axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
+    axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
+    axes.legend(loc="upper left")
+    axes.set_xlim(0.0, max(cycle[-1], 1.0))
+    axes.set(ylim=(min(0.0, axes.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
+    axes.set_ylabel(f"energy ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+
+
+def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
+    """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
+    narrow = is_narrow()
+    figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
+    curve, profile = figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    draw_curve(curve, result, units)
+    _draw_profile(profile, result, units)
+    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
+    return figure
+
+
+def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    """The base shear over the roof displacement."""
+    factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
+    roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.plot(roof, shear, color=COLORS[0])
+    at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
+    axes.plot(at, most, "o", color=COLORS[0], label=f"largest base shear {most:.4g} {unit}")
+    axes.legend(loc="best")
+    axes.set(xlim=(0.0, np.max(roof)), xlabel=f"roof displacement ({units.label('m')})", ylabel=f"base shear ({unit})")
+    add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
+
+
+def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
+    """Picture of target displacements: the curve with what the methods make of it; the equivalent oscillator beside the
+    elastic demand, acceleration over displacement; drifts of the stories."""
+    pushed = results[0].pushed
+    narrow = is_narrow()
+    figure = Figure(figsize=(11.0, 14.0 if narrow else 4.6), layout="constrained")
+    curve, adrs, profile = figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
+    draw_curve(curve, pushed, units)
+    factor, _ = scaled_unit(float(np.max(np.abs(pushed.base_shear))), "N", units)
+    for i, made in enumerate(results):
+        look = line_look(i + 1) | {"label": made.method}
+        corners = [0.0, made.yield_displacement, made.roof_displacement]
+        end = made.yield_force if made.method == "n2" else made.base_shear
+        shears = np.array([0.0, made.yield_force, end]) * factor
+        # An idealized curve that has not yielded at the target is one line.
+        reached = 3 if made.roof_displacement > made.yield_displacement else 2
+        curve.plot(units.of(np.array(corners[:reached]), "m"), shears[:reached], **look)
+        curve.plot(units.of(made.roof_displacement, "m"), made.base_shear * factor, MARKERS[i], color=COLORS[i + 1])
+    curve.legend(loc="best")
+    n2 = next(made for made in results if made.method == "n2")
+    _draw_oscillator(adrs, n2, units)
+    _draw_profile(profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)])
+    add_title(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
+    return figure
+
+
+def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
+    """The equivalent oscillator and the elastic demand: force over mass and displacement, both as of one oscillator."""
+    target, pushed = made.target, made.pushed
+    roof, shear = pushed.roof_displacement / made.participation, pushed.base_shear / made.participation / made.mass
+    axes.plot(units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand")
+    axes.plot(units.of(roof, "m"), units.of(shear, "m/s^2"), color=COLORS[0], label="equivalent oscillator")
+    corner = np.array([0.0, made.yield_displacement, max(made.yield_displacement, made.roof_displacement)])
+    force = np.array([0.0, made.yield_force, made.yield_force]) / made.mass
+    idealized = units.of(corner / made.participation, "m"), units.of(force / made.participation, "m/s^2")
+    axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {made.period:.3g} s"})
+    elastic = made.spectral_acceleration * (made.period / (2.0 * math.pi)) ** 2
+    ray = np.array([0.0, units.of(elastic, "m")]), np.array([0.0, units.of(made.spectral_acceleration, "m/s^2")])
+    axes.plot(*ray, color=LIGHT, linestyle=DASHES[2])
+    reached = made.roof_displacement / made.participation
+    axes.plot(units.of(reached, "m"), idealized[1][-1], MARKERS[0], color=COLORS[1], label="target displacement")
+    axes.legend(loc="best")
+    # The long periods of a demand lie far to the right of everything else.
+    most = 1.6 * max(reached, elastic)
+    axes.set(xlim=(0.0, units.of(most, "m")), ylim=(0.0, None))
+    axes.set(xlabel=f"displacement ({units.label('m')})", ylabel=f"acceleration ({units.label('m/s^2')})")
+
+
+def _draw_profile(
+    axes: Any, result: Pushover, units: OutputUnits, drifts: Sequence[tuple[Array, int, str]] | None = None
+) -> None:
+    """Drifts of the stories, each with the number of its look: by default at the largest base shear and at the end."""
+    stories = np.arange(result.drift.shape[1] + 1) + 0.5
+    heights = [story.drift_height for story in result.model.stories]
+    ratio = all(height is not None for height in heights)
+    scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
+    at_largest, at_end = (result.drift_at_largest, 0, "at the largest base shear"), (result.drift[-1], 0, "at the end")
+    for place, (drift, number, text) in enumerate(drifts or (at_largest, at_end)):
+        axes.stairs(
+            drift * scale,
+            stories,
+            orientation="horizontal",
+            baseline=None,
+            linestyle=DASHES[0] if drifts else DASHES[1 - place],
+            color=COLORS[number],
+            label=text,
+        )
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.legend(loc="best")
+    axes.set_ylim(stories[0], stories[-1])
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set(ylabel="story", xlabel="drift ratio (%)" if ratio else f"drift ({units.label('m')})")
+
+
+# ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias intensity builds up
+
+MOST_RECORDS = 3
+"""As many are drawn, side by side; what comes after them is left out."""
+
+_SHARES = (0.05, 0.75, 0.95)
+_MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+"""What is drawn over time, from the top, and its SI unit."""
+
+
+def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure:
+    """Picture of the first records, at most MOST_RECORDS: a column each.
+
+    Parameters
+    ----------
+    infos : sequence of RecordInfo
+        One at least.
+    """
+    infos = infos[:MOST_RECORDS]
+    units = units.in_pictures
+    figure = Figure(figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained")
+    grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
+    for column, info in zip(grid.T, infos, strict=True):
+        _draw_record(column, info, units)
+    for axes, (name, si) in zip(grid[:, 0], _MOTION.items(), strict=False):
+        axes.set_ylabel(f"{name} ({units.label(si)})")
+    grid[-1, 0].set_ylabel("Arias intensity (%)")
+    return figure
+
+
+def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
+    """The acceleration over time with its peak."""
+    time = np.arange(record.acceleration.size) * record.dt
+    axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"acceleration ({units.label('m/s^2')})")
+    write_note(axes, f"peak {units.of(record.pga, 'm/s^2'):.3g} {units.label('m/s^2')}")
+
+
+def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
+    record, measures = info.record, info.measures
+    motion = integrate(record)
+    time = np.arange(record.acceleration.size) * record.dt
+    peaks = (measures.pga, measures.pgv, measures.pgd)
+    motions = (record.acceleration, motion.velocity, motion.displacement)
+    for axes, values, peak, si in zip(column, motions, peaks, _MOTION.values(), strict=False):
+        axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
+        axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+        axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
+        write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
+    title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
+    column[0].set_title(title, parse_math=False)
+    _draw_husid(column[3], info, time, units)
+    column[3].set(xlim=(time[0], time[-1]), xlabel="time (s)")
+
+
+def _draw_husid(axes: Any, info: RecordInfo, time: Any, units: OutputUnits) -> None:
+    """The integral of the squared acceleration over its final value (Husid 1969), with the significant durations."""
+    energy = cumulative_energy(info.record)
+    total = float(energy[-1])
+    axes.set_ylim(-2.0, 102.0)
+    if total == 0.0:
+        return
+    axes.plot(time, 100.0 * energy / total, color=COLORS[0])
+    times = [time_of_energy(info.record, energy, share) for share in _SHARES]
+    axes.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
+    measures = info.measures
+    text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
+    text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
+    write_note(axes, text, y=0.5)
+
+
+# ---- Performance profiles: methods compared over many problems
+
+_LARGEST_RATIO = 30.0  # ratio of costs at which a panel ends
+_BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
+"""Widths of the lines that readers look for: ours, and what most programs do."""
+
+_PROFILE_FOOT = 110  # characters in a line of the foot
+_IN_THREE = 31  # labels that fit into three columns
+
+
+def profile_picture(chart: FieldChart, *, target: str) -> Figure:
+    """Performance profiles (Dolan and More 2002): the share of problems that a method solves at a factor of the least
+    cost, a panel for each tolerance.
+
+    Parameters
+    ----------
+    target : str
+        What the errors are of: a key of `PEAKS`.
+    """
+    quantity = target.replace("-", "_")
+    profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
+    tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
+    figure = Figure(figsize=(7.5, 5.4), layout="constrained")
+    panels = figure.subplots(2, 3, sharex=True, sharey=True)
+    looks = {line: _profile_look(number, line) for number, line in enumerate(chart.lines)}
+    handles: dict[str, Any] = {}
+    for axes, tolerance in zip(panels.flat, tolerances, strict=False):
+        shown = [profile for profile in profiles if profile.tolerance == tolerance]
+        for profile in sorted(shown, key=lambda one: _BOLD.get(one.method, 0.0)):
+            # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
+            steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
+            share = np.arange(len(steps) + 1) / profile.problems
+            x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
+            (handles[profile.method],) = axes.step(x, y, where="post", **looks[profile.method])
+        count = max(profile.problems for profile in shown)
+        axes.set_title(f"error within {100.0 * tolerance:g} % ({how_many(count, 'problem')})")
+        axes.set(xscale="log", xlim=(1.0, _LARGEST_RATIO), ylim=(0.0, 1.03))
+        axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(axes.xaxis)
+        axes.axvline(2.0, color=LIGHT, linewidth=0.6)
+    for axes in panels.flat[len(tolerances) :]:
+        axes.set_axis_off()
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share of problems solved")
+    for axes in panels[-1]:
+        axes.set_xlabel("time over the least of all methods")
+    order = [line for line in chart.lines if line in handles]
+    add_legend(figure, panels[0, 0], [handles[line] for line in order], order, _IN_THREE)
+    for legend in figure.legends:  # none for one method
+        foot = wrap(_profile_foot(chart), _PROFILE_FOOT)
+        figure.set_figheight(figure.get_figheight() + 0.14 * len(foot))
+        legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
+        legend.get_title().set_multialignment("center")
+    add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
+    return figure
+
+
+def _profile_look(number: int, line: str) -> dict[str, Any]:
+    """Color and dashes; ours and the usual one wide and solid, of other programs grey."""
+    if line in _BOLD:
+        place = list(_BOLD).index(line)
+        return {"color": ("#b03a2e", COLORS[0], "black")[place], "linestyle": "-", "linewidth": _BOLD[line]}
+    look = line_look(number, number // len(COLORS) + 1) | {"linewidth": 1.0}
+    return look | ({"color": LIGHT} if PEER in line else {})
+
+
+def _profile_foot(chart: FieldChart) -> str:
+    timing = chart.timing
+    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
+    return (
+        "Of each method the step that costs least and is within the tolerance, as are all smaller ones; lines end at "
+        f"what is solved at {_LARGEST_RATIO:g} times the least cost. Times: {CLOCKS[timing.clock]}, {timing.told}, "
+        f"{timing.processor}; {', '.join(programs)}"
+    )

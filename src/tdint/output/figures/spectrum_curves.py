@@ -3,37 +3,396 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
+from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.figures.spectrum_axes import (
-    Panel,
-    draw_adrs,
-    draw_over_periods,
-    draw_tripartite,
-    line_labels,
-    log_periods,
-    over_periods_title,
+from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
+from tdint.output.figures.style import (
+    COLORS,
+    LIGHT,
+    add_legend,
+    add_title,
+    changed,
+    line_look,
+    plain_minor_numbers,
+    plain_numbers,
+    record_name,
+    record_names,
 )
-from tdint.output.figures.style import LIGHT, add_title, line_look, plain_numbers, record_name, record_names
-from tdint.output_units import SI, OutputUnits
+from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
     from tdint.analysis.spectra.elastic import Spectrum
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
-    from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.campaign.suites.target import TargetSpectrum
+    from tdint.analysis.spectra.target import SpectrumDifference, TargetSpectrum
 
+
+# ---- What the figures over the period share: lines of components or the fractiles of a suite, panel by panel
+#
+# Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
+
+_FEW = 8  # periods: with fewer every one is marked
+_SUITE = 7  # motions from which they are a suite: single ones in gray, median and fractiles
+GRAY = "0.75"
+"""Of what is one among many."""
+
+_MINOR_GRID = "0.94"
+
+_SCALE = "0.82"
+_PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s, of the rays of an ADRS
+_ROOM = 0.85  # of the axes that labels of scales stay within
+_NEAR = 0.09  # of the axes: labels that are nearer to each other would overlap
+
+
+class OverPeriods(Protocol):
+    """What a line over the period needs; `periods` (s) of shape (k,)."""
+
+    @property
+    def record(self) -> Record: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def periods(self) -> Array: ...
+
+
+Line = TypeVar("Line", bound=OverPeriods)
+Panel = tuple[str, Callable[[Line], Array]]
+"""Label of the values, and the values of a line, shape (k,)."""
+
+
+def draw_over_periods(
+    results: Sequence[Line],
+    panels: Sequence[Panel[Line]],
+    labels: Sequence[str],
+    variants: Sequence[Hashable] | None = None,
+    *,
+    columns: Sequence[str] | None = None,
+) -> Figure:
+    """Panels one above the other, with a line for each result over its periods; no title yet.
+
+    Many motions are a suite: all in gray, and the median and fractiles of each variant.
+
+    Parameters
+    ----------
+    variants : sequence, optional
+        What tells lines of one component apart, by default their damping ratios.
+    columns : sequence of str, optional
+        The column of panels that each result stands in, by its title; all in one without.
+    """
+    variants = [result.damping for result in results] if variants is None else variants
+    suite = is_suite(results)
+    titles = list(dict.fromkeys(columns)) if columns is not None and not suite else [""]
+    figure = Figure(figsize=(7.5 if len(titles) == 1 else 8.5, 7.8), layout="constrained")
+    rows = figure.subplots(
+        len(panels), len(titles), sharex=True, sharey="row", squeeze=False, height_ratios=(1.25, 1.0)
+    )
+    lines: dict[str, Any] = {}
+    if suite:
+        lines = _draw_suite(rows[:, 0], results, panels, variants)
+    else:
+        places = [0] * len(results) if columns is None else [titles.index(title) for title in columns]
+        styles = _line_styles(results, variants, by_variant=len(titles) > 1)
+        for result, place, label, style in zip(results, places, labels, styles, strict=True):
+            lines[label] = _draw_line(rows[:, place], result, panels, style)
+    for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
+        axes.set(ylabel=label, ylim=(0.0, None))
+    for axes, title in zip(rows[0], titles, strict=True):
+        axes.set_title(title, parse_math=False)
+    for axes in rows[-1]:
+        axes.set_xlabel("period (s)")
+    log_periods(rows[-1, 0], np.concatenate([result.periods for result in results]))
+    for axes in rows.flat:
+        axes.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
+    add_legend(figure, rows[0, 0], list(lines.values()), list(lines))  # a single line has its name in the title
+    return figure
+
+
+def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
+    """File and component of each result."""
+    names = component_names([result.record for result in results])
+    return [(result.record.source, name) for result, name in zip(results, names, strict=True)]
+
+
+def is_suite(results: Sequence[OverPeriods]) -> bool:
+    """Whether these are so many motions that their fractiles say more than each of them."""
+    if len(set(_motions(results))) < _SUITE:
+        return False
+    return all(np.array_equal(result.periods, results[0].periods) for result in results)
+
+
+def in_median(results: Sequence[OverPeriods]) -> list[bool]:
+    """Whether the median of a suite counts each: verticals have no part in that of motions with horizontals."""
+    level = [not is_vertical(result.record.component) for result in results]
+    return level if any(level) else [True] * len(level)
+
+
+def _draw_line(column: Any, result: Line, panels: Sequence[Panel[Line]], style: dict[str, Any]) -> Any:
+    """A line in each panel of a column; the first one, for the legend."""
+    order = _shown(result.periods)
+    period = result.periods[order]
+    if period.size < _FEW:
+        style = {**style, "marker": "o", "markersize": 4}
+    drawn = [
+        axes.plot(period, values(result)[order], **style)[0] for axes, (_, values) in zip(column, panels, strict=True)
+    ]
+    return drawn[0]
+
+
+def _draw_suite(
+    column: Any, results: Sequence[Line], panels: Sequence[Panel[Line]], variants: Sequence[Hashable]
+) -> dict[str, Any]:
+    """All lines in gray, the median and fractiles of each variant; by their names, for the legend."""
+    order = _shown(results[0].periods)
+    period = results[0].periods[order]
+    kinds = list(dict.fromkeys(variants))
+    lines: dict[str, Any] = {}
+    counted = in_median(results)
+    of_horizontals = "" if all(counted) else " of horizontals"
+    for axes, (_, values) in zip(column, panels, strict=True):
+        rows = np.array([values(result)[order] for result in results])
+        gray = axes.plot(period, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
+        lines.setdefault(f"{len(set(_motions(results)))} components", gray)
+        for i, kind in enumerate(kinds):
+            own = rows[[variant == kind and one for variant, one in zip(variants, counted, strict=True)]]
+            color, name = COLORS[i % len(COLORS)], f", {_variant_name(kind)}" if len(kinds) > 1 else ""
+            lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, own, color))
+            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, own, color))
+    return lines
+
+
+def _variant_name(variant: Hashable) -> str:
+    parts = variant if isinstance(variant, tuple) else (variant,)
+    return ", ".join(f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts)
+
+
+def _line_styles(
+    results: Sequence[OverPeriods], variants: Sequence[Hashable], *, by_variant: bool
+) -> list[dict[str, Any]]:
+    """Lines to be told apart without color: dashes per component, or per variant where there are several."""
+    motions = _motions(results)
+    number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
+    kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
+    styles = []
+    for motion, variant in zip(motions, variants, strict=True):
+        dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
+        color = dash if len(number) == 1 or by_variant else number[motion]
+        styles.append(line_look(color, dash))
+    return styles
+
+
+def _shown(periods: Array) -> NDArray[np.intp]:
+    """Places of the periods that are drawn, in rising order: period 0 has none on a logarithmic axis."""
+    order = np.argsort(periods, kind="stable")
+    positive = order[periods[order] > 0.0]
+    return positive if positive.size else order
+
+
+def log_periods(axes: Any, periods: Array) -> None:
+    """A logarithmic axis over the positive ones of these periods (s)."""
+    shown = periods[_shown(periods)]
+    low, high = float(np.min(shown)), float(np.max(shown))
+    if not low > 0.0:
+        return
+    axes.set_xscale("log")
+    if low < high:
+        axes.set_xlim(low, high)
+    plain_numbers(axes.xaxis)
+    plain_minor_numbers(axes.xaxis, every=high < 12.0 * low)
+
+
+def line_labels(results: Sequence[OverPeriods]) -> list[str]:
+    """What tells the lines apart: the record if there are several, the component, the damping if there are several."""
+    names = component_names([result.record for result in results])
+    files = record_names(result.record.source for result in results)
+    several_files = len(files) > 1
+    several_ratios = len({result.damping for result in results}) > 1
+    labels = []
+    for result, name in zip(results, names, strict=True):
+        file = files[result.record.source] if several_files or not name else ""
+        ratio = f"{100.0 * result.damping:g} %" if several_ratios else ""
+        labels.append(", ".join(filter(None, (file, name, ratio))))
+    return labels
+
+
+def over_periods_title(one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
+    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to say."""
+    sources = list(dict.fromkeys(result.record.source for result in results))
+    ratios = list(dict.fromkeys(result.damping for result in results))
+    what = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
+    what += changed(result.record for result in results)
+    damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
+    if len(results) == 1:
+        return f"{one} of {what} {results[0].record.component}\n{damping} damping, {more}"
+    return f"{several} of {what}\n{damping} damping, {more}"
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A line of the figure in its units, shape (k,), its name in the legend (empty for none) and its style."""
+
+    periods: Array
+    sd: Array
+    psv: Array
+    psa: Array
+    name: str
+    style: dict[str, Any]
+
+    @classmethod
+    def of(cls, one: Spectrum, units: OutputUnits, name: str, style: dict[str, Any]) -> _Curve:
+        """The line of a spectrum."""
+        values = (units.of(one.sd, "m"), units.of(one.psv, "m/s"), units.of(one.psa, "m/s^2"))
+        return cls(one.periods, *values, name, style)
+
+
+def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
+    """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
+
+    if not is_suite(spectra):
+        return [
+            _Curve.of(one, units, label, line_look(i) | {"zorder": 3})
+            for i, (one, label) in enumerate(zip(spectra, labels, strict=True))
+        ]
+    gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
+    curves = [_Curve.of(one, units, "", gray) for one in spectra]
+    curves[0] = replace(curves[0], name="single components")
+    ratios = dict.fromkeys(one.damping for one in spectra)
+    for i, ratio in enumerate(ratios):
+        chosen = zip(spectra, curves, in_median(spectra), strict=False)
+        own = [curve for one, curve, counted in chosen if counted and one.damping == ratio]
+        sd, psv, psa = (np.median([getattr(one, name) for one in own], axis=0) for name in ("sd", "psv", "psa"))
+        name = f"median of {len(own)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
+        curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
+    return curves
+
+
+def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
+    named = [(line, curve.name) for line, curve in zip(axes.get_lines(), curves, strict=False) if curve.name]
+    add_legend(figure, axes, [line for line, _ in named], [name for _, name in named])
+
+
+def _positive(spectrum: _Curve) -> NDArray[np.intp]:
+    """Places of the periods that can be drawn, in rising order."""
+    order = np.argsort(spectrum.periods, kind="stable")
+    return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
+
+
+def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
+    """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are straight scales."""
+    figure = Figure(figsize=(7.5, 6.2), layout="constrained")
+    axes = figure.subplots()
+    curves = _curves(spectra, labels, units)
+    for curve in curves:
+        place = _positive(curve)
+        axes.plot(curve.periods[place], curve.psv[place], **curve.style)
+    log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
+    axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
+    values = np.concatenate([curve.psv[_positive(curve)] for curve in curves])
+    if values.size:
+        axes.set_yscale("log")
+        low, high = float(np.min(values)), float(np.max(values))
+        axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
+        plain_numbers(axes.yaxis)
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        _add_scales(axes, units)
+    axes.grid(which="minor", color="0.95", linewidth=0.5)
+    _name_curves(figure, axes, curves)
+    _turn_names(figure, axes)
+    return figure
+
+
+def _turn_names(figure: Figure, axes: Any) -> None:
+    """Lay the names of scales along their lines, which have one slope on the paper."""
+    if axes.get_yscale() != "log" or axes.get_xscale() != "log":
+        return
+    figure.draw_without_rendering()  # the layout decides the slope
+    extent = axes.get_window_extent()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    rise, run = extent.height / math.log(top / bottom), extent.width / math.log(right / left)
+    slope = math.degrees(math.atan2(rise, run))
+    for text in axes.texts:
+        text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
+
+
+def _add_scales(axes: Any, units: OutputUnits) -> None:
+    """Lines of equal displacement (rising to the left) and of equal pseudo-acceleration (rising to the right)."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    ends = np.array([left, right])
+    omega = 2.0 * math.pi / ends
+    for si, speed in (("m", omega), ("m/s^2", 1.0 / omega)):  # pseudo-velocity of a unit of displacement, acceleration
+        unit, reach = units.label(si), units.of(units.unit(si)[1] * speed, "m/s")
+        low, high = bottom / float(np.max(reach)), top / float(np.min(reach))
+        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        for value in (10.0**decade for decade in decades):
+            speeds = value * reach
+            axes.plot(ends, speeds, color=_SCALE, linewidth=0.8, zorder=1.2)
+            _name_scale(axes, ends, speeds, f"{value:g} {unit}", (bottom, top))
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+
+
+def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]) -> None:
+    """The value of a scale's line, along it, near where it leaves the axes at the top or at the side.
+
+    It makes way for the names that are there: in units in which 1 and 10 of two scales meet near the top.
+    """
+    x, y = np.log(ends), np.log(speeds)
+    bottom, top = np.log(limits)
+    target = bottom + _ROOM * (top - bottom)
+    part = (target - y[0]) / (y[1] - y[0])
+    part = min(max(float(part), 1.0 - _ROOM), _ROOM)
+    room = np.array([x[1] - x[0], top - bottom])
+    taken = [np.log(other.get_position()) for other in axes.texts]
+    for place in (part, part - _NEAR, part - 2.0 * _NEAR):
+        at = np.array([x[0] + place * (x[1] - x[0]), y[0] + place * (y[1] - y[0])])
+        if place > _NEAR and not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken):
+            break
+    else:
+        return
+    if not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
+        return
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": LIGHT, "clip_on": True, "zorder": 1.8}
+    rotation = 45.0 if y[1] > y[0] else -45.0
+    axes.text(math.exp(at[0]), math.exp(at[1]), text, rotation=rotation, **look, bbox=white)
+
+
+def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
+    """Pseudo-acceleration over displacement; periods are rays from the origin."""
+    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
+    axes = figure.subplots()
+    curves = _curves(spectra, labels, units)
+    for curve in curves:
+        order = np.argsort(curve.periods, kind="stable")
+        axes.plot(curve.sd[order], curve.psa[order], **curve.style)
+    axes.set(xlim=(0.0, None), ylim=(0.0, None))
+    axes.margins(0.05)
+    right, top = axes.get_xlim()[1], axes.get_ylim()[1]
+    for period in _PERIODS:
+        slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
+        end = min(right, top / slope)
+        axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
+        place = ((2, 0), "left", "center") if end == right else ((0, 2), "center", "bottom")
+        look: dict[str, Any] = dict(zip(("xytext", "ha", "va"), place, strict=True))
+        look |= {"textcoords": "offset points", "fontsize": 7.5, "color": LIGHT, "annotation_clip": False}
+        axes.annotate(f"{period:g} s", (end, slope * end), **look)
+    axes.set(xlim=(0.0, right), ylim=(0.0, top), xlabel=f"displacement SD ({units.label('m')})")
+    axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
+    _name_curves(figure, axes, curves)
+    return figure
+
+
+# ---- Spectrum curves
 
 _MOST = 4  # components that have panels of their own
 _NAMES = {

@@ -5,6 +5,8 @@ Only the modules of figures import matplotlib, and by its objects: no window sys
 
 from __future__ import annotations
 
+import io
+import itertools
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,17 +16,21 @@ from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
-import matplotlib as mpl
+from tdint.errors import OutputError, UsageError, did_you_mean
+
+try:
+    import matplotlib as mpl
+except ValueError as error:  # of a variable that we do not need
+    raise UsageError(f"matplotlib cannot be loaded, is MPLBACKEND right? {error}") from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.font_manager import get_font_names
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
-from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
 from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
-from tdint.output_units import OutputUnits
+from tdint.units import OutputUnits
 
 mpl.rcdefaults()
 
@@ -63,6 +69,7 @@ _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": F
 _SMALLEST, _LARGEST = 6.0, 8.0
 _INCH = 0.0254
 _RESOLUTION = {True: 600, False: 160}
+_ON_PAGE = 100  # of a notebook, which shows a pixel as one; matplotlib's own
 INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
@@ -87,6 +94,8 @@ _LONG = 1e5
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
 _LETTER = 0.6  # of a character, over its height
+_COLUMN = 0.12
+"""Width in m below which a figure is one of the two columns of a page: these have 80 to 95 mm, a page 160 to 190 mm."""
 _MARKER = 3.5  # half the size of a marker, points
 _LABEL_PLACES = (
     (8, 0, "left", "center"),
@@ -96,6 +105,11 @@ _LABEL_PLACES = (
 )
 _LABEL_PARTS = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
 Box = tuple[float, float, float, float]
+
+
+def is_narrow() -> bool:
+    """Whether the picture is printed in one column of a journal, where panels stand below each other."""
+    return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
 def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
@@ -133,6 +147,25 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     return Picture(kind, draw)
 
 
+class ShownFigure(Figure):
+    """A figure that shows itself where it is the last line of a notebook's cell, without pyplot.
+
+    Attributes
+    ----------
+    printed : PrintedAs
+        What it was drawn with.
+    """
+
+    printed: PrintedAs
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        settings = _settings(self.printed) | _LAID_OUT_HERE
+        with mpl.rc_context(settings), _quiet(), _room(self.printed.width), _laid_out(self, _ON_PAGE):
+            self.savefig(stream, format="png", dpi=_ON_PAGE)
+        return stream.getvalue()
+
+
 @dataclass(frozen=True)
 class Picture:
     """A figure that is drawn when it is asked for, or written to a binary stream."""
@@ -141,11 +174,14 @@ class Picture:
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
-        """The figure, by itself: matplotlib's pyplot does not know it."""
+        """The figure, by itself: matplotlib's pyplot does not know it, a notebook shows it."""
         printed = PRINTED.get()
         with mpl.rc_context(_settings(printed)), _quiet():
             figure = self.draw()
             FigureCanvasAgg(figure)
+            figure.__class__ = ShownFigure
+            assert isinstance(figure, ShownFigure)
+            figure.printed = printed
             if printed != ON_SCREEN:
                 with _room(printed.width):
                     _print(figure, printed)
@@ -195,7 +231,7 @@ def _room(width: float | None) -> Iterator[None]:
         yield
     except UserWarning:
         asked = f"{1e3 * (width or 0.0):.0f} mm"
-        raise UsageError(f"--figure-width: the panels of this picture find no room at {asked}; it takes more") from None
+        raise UsageError(f"the panels of this picture find no room at {asked}; it takes a larger width") from None
 
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
@@ -215,12 +251,12 @@ def check_print(printed: PrintedAs) -> None:
     """Raise UsageError for a font or a style sheet that is not there."""
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
-        raise UsageError(f"--font {printed.font!r}: this machine has no such font{hint}")
+        raise UsageError(f"font {printed.font!r}: this machine has no such font{hint}")
     if printed.style:
         try:
             mpl.rc_params_from_file(printed.style, use_default_template=False)
         except (OSError, ValueError) as error:
-            raise UsageError(f"--style {printed.style}: {error}") from None
+            raise UsageError(f"style sheet {printed.style}: {error}") from None
 
 
 def _print(figure: Figure, printed: PrintedAs) -> None:
@@ -232,8 +268,13 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         width *= narrow
     title = figure.get_suptitle()
     if title:
-        figure.suptitle("\n".join(wrap(title, int(width * 72.0 / (_LARGEST * _LETTER)))) if printed.title else "")
-    figure.draw_without_rendering()  # numbers at ticks are made now
+        room = int(width * 72.0 / (_LARGEST * _LETTER))
+        lines = (part for line in title.splitlines() for part in wrap(line, room, break_on_hyphens=False))
+        figure.suptitle("\n".join(lines) if printed.title else "")
+    engine = figure.get_layout_engine()
+    figure.set_layout_engine("none")
+    figure.draw_without_rendering()  # numbers at ticks are made now, wherever the panels are
+    figure.set_layout_engine(engine)
     before: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         words = [text.get_text() for text in axis.get_ticklabels()]
@@ -245,9 +286,117 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         text.set_text(in_print(text.get_text(), printed))
         if printed.width:
             text.set_fontsize(min(max(text.get_fontsize(), _SMALLEST), _LARGEST))
+    if printed.width:
+        _fit(figure)
     for label, _ in printed.labels:
         if not any(text == label or text.startswith(label + ":") for text in before):
-            raise UsageError(f"--label {label}=...: nothing in the picture is called so")
+            raise UsageError(f"label {label!r}: nothing in the picture is called so")
+
+
+_MOST_THINNINGS = 3
+"""So often an axis gets half of its ticks: of eight one is left, and more drawings would change nothing."""
+
+
+def _fit(figure: Figure) -> None:
+    """Bring the words of a narrow figure to their room: labels and titles go on in another line, and axes have
+    fewer ticks, until no number stands over another."""
+    FigureCanvasAgg(figure)
+    page = figure.bbox
+    for axes in figure.axes:
+        # Before the layout: the share of the page that the panel and its own labels have.
+        part = spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
+        wide, high = page.width * part.width, page.height * part.height
+        told = [
+            one for one in axes.get_children() if isinstance(one, Text) and one not in axes.texts and one.get_text()
+        ]
+        for title in told:
+            _wrap(title, _SHARE * wide / len(told))
+        for panel in (axes, *axes.child_axes):
+            _wrap(panel.xaxis.label, _SHARE * wide)
+            _wrap(panel.yaxis.label, _SHARE * high)
+        legend = axes.get_legend()
+        for text in (*axes.texts, *(legend.get_texts() if legend else ())):
+            _wrap(text, _SHARE * wide)
+    for text in figure.texts:
+        _wrap(text, page.width)
+    panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
+    every = [axis for panel in panels for axis in (panel.xaxis, panel.yaxis)]
+    counted = [axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)]  # no names
+    for _ in range(_MOST_THINNINGS):
+        _grow(figure)
+        changed = [_thin(axis) for axis in counted]
+        # Now the panels have their places, and what is below or above has taken some of their height.
+        changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
+        changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
+        if not any(changed):
+            break
+    for axes in figure.axes:
+        points = [text for text in axes.texts if text.get_gid() == _OF_POINT]
+        boxes: list[Any] = []
+        for text in points:
+            box = text.get_window_extent()
+            text.set_visible(not any(box.overlaps(other) for other in boxes))
+            boxes += [box] * text.get_visible()
+
+
+_OF_POINT = "point"
+"""Marks labels of points, which are left out where they find no room."""
+
+_TALLEST = 2.0
+"""So much taller a figure may get for the lines that its words take: beyond, its panels are too narrow, not too low."""
+
+
+def _grow(figure: Figure) -> None:
+    """Draw a figure, as much taller as its layout needs.
+
+    Raises
+    ------
+    UserWarning
+        No height gives its panels room.
+    """
+    width, height = figure.get_size_inches()
+    for taller in (1.0, 1.15, 1.3, 1.5, 1.75, _TALLEST):
+        figure.set_size_inches(width, taller * height)
+        try:
+            figure.draw_without_rendering()
+            return
+        except UserWarning:
+            if taller == _TALLEST:
+                raise
+
+
+_SHARE = 0.8
+"""Of a panel's part of the page: what its title and labels may take; the rest are the numbers of the other axis."""
+
+
+def _wrap(text: Text, room: float) -> bool:
+    """Break the lines of a text that are longer than their room, pixels; whether they were."""
+    box = text.get_window_extent()
+    long = max(box.width, box.height)
+    lines = text.get_text().splitlines()
+    if lines and long > room:
+        letters = max(8, int(max(map(len, lines)) * room / long))
+        text.set_text("\n".join(part for line in lines for part in wrap(line, letters, break_long_words=False)))
+    return text.get_text().splitlines() != lines
+
+
+def _thin(axis: Any) -> bool:
+    """Leave half of an axis's ticks away if a number stands over another; whether that was so."""
+    boxes = [
+        label.get_window_extent()
+        for tick in axis._update_ticks()
+        for label in (tick.label1, tick.label2)
+        if label.get_visible() and label.get_text()
+    ]
+    along = [(box.x0, box.x1) if axis.axis_name == "x" else (box.y0, box.y1) for box in boxes]
+    along.sort()
+    if all(before[1] + 1.0 <= after[0] for before, after in itertools.pairwise(along)):
+        return False
+    if any(label.get_text() for label in axis.get_minorticklabels()):
+        axis.set_minor_formatter(NullFormatter())
+    else:
+        axis.set_major_locator(FixedLocator(axis.get_majorticklocs()[::2]))
+    return True
 
 
 def add_title(figure: Figure, title: str) -> None:
@@ -415,7 +564,13 @@ def write_labels(
             inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
             if inside and not any(_overlap(box, other) for other in taken):
                 taken.append(box)
-                place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": horizontal, "va": vertical}
+                place = {
+                    "gid": _OF_POINT,
+                    "xytext": (dx, dy),
+                    "textcoords": "offset points",
+                    "ha": horizontal,
+                    "va": vertical,
+                }
                 axes.annotate(text, (x, y), **place, fontsize=_LABEL_SIZE, color="0.25")
                 break
 

@@ -3,27 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import islice
-from typing import TYPE_CHECKING, Any
+from itertools import chain, islice
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
+from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.arrays import Array
-from tdint.model.laws import LAWS
-from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, rows_of
-from tdint.output_units import SI, OutputUnits
+from tdint.model.definition import LAWS
+from tdint.output.tables.table import (
+    FLOOR,
+    METHOD_SPEC,
+    PERIOD,
+    Cell,
+    Column,
+    Table,
+    corrected_columns,
+    describe,
+    error_columns,
+    rows_of,
+)
+from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
-    from tdint.analysis.comparison.compare import Comparison
-    from tdint.analysis.comparison.fit import FittedValue
-    from tdint.analysis.static.cyclic import CyclicTest
-    from tdint.analysis.static.pushover import Pushover
+    from tdint.analysis.compare import Comparison
+    from tdint.analysis.fit import FittedValue
+    from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
+    from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.static import CyclicTest, Pushover
+    from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.kernels.laws.law import LawParameter
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
-
 
 CYCLIC = (
     Column("story", "1", "story", "story, from 1 at the ground"),
@@ -101,6 +115,49 @@ def pushover(stories: int) -> tuple[Column, ...]:
 def pushover_table(result: Pushover) -> Table:
     """One row per step; row 0 is the start at rest."""
     return Table.of_results(pushover(result.drift.shape[1]), [result])
+
+
+TARGET_DISPLACEMENT = (
+    Column("method", "text", "method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)"),
+    Column("story", "1", lambda made: np.arange(1, made.drift.size + 1), "story, from 1 at the ground"),
+    Column("drift_m", "m", "drift", "drift at the target displacement"),
+    Column("drift_ratio", "1", "drift_ratio", "that over the story height"),
+    Column("ductility", "1", "ductility", "that over the drift at first yield"),
+    Column("roof_displacement_m", "m", "roof_displacement", "target displacement of the roof"),
+    Column("base_shear_N", "N", "base_shear", "base shear there"),
+    Column("period_s", "s", "period", "period of the equivalent oscillator: T*, Te"),
+    Column("sa_m_s2", "m/s^2", "spectral_acceleration", "of the target spectrum at that period"),
+    Column("participation", "1", "participation", "roof displacement over the oscillator's: Gamma, C0"),
+    Column("mass_kg", "kg", "mass", "of the equivalent oscillator; of the building with coefficients"),
+    Column("yield_force_N", "N", "yield_force", "base shear at which the idealized curve yields"),
+    Column("yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"),
+    Column("strength_ratio", "1", "strength_ratio", "elastic force over yield force"),
+    Column("c1", "1", lambda made: made.factors[0], "C1; with n2 the displacement over the elastic one"),
+    Column("c2", "1", lambda made: made.factors[1], "C2; 1 with n2"),
+)
+
+
+def target_table(results: Sequence[TargetDisplacement]) -> Table:
+    """One row per method and story."""
+    return Table.of_results(TARGET_DISPLACEMENT, results)
+
+
+_COMBINED = (("srss", "square root of the sum of squares"), ("cqc", "complete quadratic combination"))
+MODAL_RESPONSE = (
+    Column("story", "1", lambda made: np.arange(1, made.drift_cqc.size + 1), "story, from 1 at the ground"),
+    *(Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {words}") for rule, words in _COMBINED),
+    Column("drift_ratio_cqc", "1", lambda made: made.drift_cqc / made.height, "drift_cqc_m over the story height"),
+    *(Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {words}") for rule, words in _COMBINED),
+    *(
+        Column(f"displacement_{rule}_m", "m", f"displacement_{rule}", f"of the floor to the ground, {words}")
+        for rule, words in _COMBINED
+    ),
+)
+
+
+def modal_response_table(result: ModalResponse) -> Table:
+    """One row per story."""
+    return Table.of_results(MODAL_RESPONSE, [result])
 
 
 OVERVIEW = (
@@ -295,3 +352,116 @@ def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence
         every = (*own, of_event(one.event.recording.source)) if len(events) > 1 else own
         rows += [row for result in results for row in rows_of(every, result)]
     return Table.of((*own, of_event("")) if len(events) > 1 else own, rows)
+
+
+# ---- Tables of runs: stories, shocks, histories
+
+
+def _counted(result: Any) -> Any:
+    return np.arange(1, result.peak_drift.size + 1)
+
+
+STORY = (
+    Column("story", "1", _counted, "story, or the floor above it, from 1 at the ground"),
+    Column("height_m", "m", "height", "story height"),
+    *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
+)
+STORY_ERROR = error_columns(STORY[2:])
+"""Behind them, of a run whose errors are estimated."""
+
+STORY_CORRECTED = corrected_columns(STORY[2:])
+"""Behind these, where a run has carried its error along."""
+
+_ALL = "all"
+SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
+
+HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
+    tuple(Column.of_quantity(one) for one in quantities(History) if one.shown == (place,))
+    for place in ("ground", "floor", "story")
+)
+HISTORY_ENERGY = (
+    *(Column(f"energy_{name}_J", "J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
+    Column("energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"),
+)
+
+HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
+    tuple(
+        Column(f"{one.column}_error", one.unit, f"error.{one.name}", one.meaning)
+        for one in quantities(ErrorHistory)
+        if one.shown == (place,)
+    )
+    for place in ("floor", "story")
+)
+"""Behind all others, of a run that has carried its error along."""
+
+_ROWS_AT_ONCE = 256
+
+
+def story_table(stories: StoryPeaks, errors: StoryErrors | None = None, corrected: StoryPeaks | None = None) -> Table:
+    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks, and
+    behind these with corrected peaks a column `corrected_<name>`."""
+    told = [
+        (columns, values)
+        for columns, values in ((STORY, stories), (STORY_ERROR, errors), (STORY_CORRECTED, corrected))
+        if values is not None
+    ]
+    rows = zip(*(rows_of(columns, values) for columns, values in told), strict=True)
+    return Table.of(
+        [column for columns, _ in told for column in columns], [tuple(chain.from_iterable(row)) for row in rows]
+    )
+
+
+def response_table(response: Response) -> Table:
+    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
+    check = response.check
+    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ()))
+    if not response.shocks:
+        return whole
+    rows: list[tuple[Cell, ...]] = []
+    for number, shock in enumerate(response.shocks, start=1):
+        part = story_table(shock.stories, shock.errors)
+        empty = (None,) * (len(whole.columns) - len(part.columns))
+        rows += [(str(number), *row, *empty) for row in part.rows]
+    rows += [(_ALL, *row) for row in whole.rows]
+    return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
+
+
+def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
+    """The columns of a history by what each of them is there for: every floor, every story, or nothing."""
+    errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
+    return ("", HISTORY_START), ("floor", HISTORY_FLOOR), ("story", HISTORY_STORY), ("", HISTORY_ENERGY), *errors
+
+
+def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
+    """Columns of a history; at the end those of its error, if it has one."""
+    found: list[Column] = []
+    for place, columns in history_groups(error):
+        heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
+        found += (replace(column, name=head + column.name) for head in heads for column in columns)
+    return tuple(found)
+
+
+def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a history that comes in pieces as `write_history` writes it whole."""
+    for number, history in enumerate(pieces):
+        write_history(history, stream, units, header=number == 0)
+
+
+def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True) -> None:
+    """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
+    error = history.error is not None
+    columns = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
+    if header:
+        stream.write((",".join(name for name, _ in columns) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in columns])
+    line = ",".join(["%.12g"] * len(columns)) + "\n"
+    groups = [[one.of(history) for one in group] for _, group in history_groups(error)]
+    for first in range(0, len(history.time), _ROWS_AT_ONCE):
+        part = slice(first, first + _ROWS_AT_ONCE)
+        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
+        table = np.hstack([block.reshape(len(block), -1) for block in blocks])
+        if factors is not None:
+            table /= factors
+        table += 0.0  # zero has no sign
+        text = line * len(table) % tuple(table.ravel().tolist())
+        stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))

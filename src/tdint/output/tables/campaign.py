@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.runs import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.model.definition import PARAMETERS
-from tdint.output.tables.responses import STORY, STORY_CORRECTED, STORY_ERROR
+from tdint.model.definition import parameter_meaning
+from tdint.output.tables.buildings import STORY, STORY_CORRECTED, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -31,18 +31,17 @@ from tdint.output.tables.table import (
     cell_text,
     corrected_columns,
     error_columns,
+    harmless,
     names,
     rows_of,
 )
-from tdint.output_units import SI, OutputUnits
-from tdint.quantity import suffix
+from tdint.units import SI, OutputUnits, Quantity, suffix
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import CampaignRuns
-    from tdint.campaign.floor_suites import FloorSuite, RunFloors
-    from tdint.campaign.fragility.run_measures import MeasuredRun, RunMeasure
-    from tdint.campaign.profiles import Profile, Ratios
-    from tdint.campaign.store.store import Store
+    from tdint.campaign.fragility.measures import MeasuredRun, RunMeasure
+    from tdint.campaign.profiles import FloorSuite, Profile, Ratios, RunFloors
+    from tdint.campaign.store import Store
 
 OF_BUILDING = (
     Column("building", "text", "building", "name of the building"),
@@ -156,6 +155,12 @@ STATUS = (
 )
 
 
+_PLACED = {
+    "site": "site of the fields whose motions the building has: the nearest one",
+    "distance_km": "its distance from the building, km",
+}
+"""Columns before those of an inventory, of fields with places."""
+
 _ROWS_AT_ONCE = 2048
 
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
@@ -167,7 +172,7 @@ def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     own = (
         *RUNS,
         *_estimated(store),
-        *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
+        *varied_columns(_swept(store.varied())),
     )
     return (*own, *carried_columns(store, names(own)))
 
@@ -182,12 +187,13 @@ def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def _word(name: str) -> str:
-    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor."""
-    return name.replace(" ", "_").replace(".", "_")
+    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself."""
+    return name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_")
 
 
-def _parameter(name: str) -> str:
-    return name.rpartition(".")[2]
+def varied_columns(names: Iterable[str]) -> list[Column]:
+    """Of what was varied from building to building, by name."""
+    return [Column(_word(name), "1", name, parameter_meaning(name)) for name in names]
 
 
 def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
@@ -275,16 +281,41 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
     """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
-    columns: list[Column] = [PROFILES[3]]
-    for one in STORY_QUANTITIES:
+    columns: list[Column] = [_STORY_OF_PROFILE]
+    for one in _named(names):
         found = profile.statistics(one)
-        if (one.called or one.name) in names and np.any(np.nan_to_num(found.max)):
+        if np.any(np.nan_to_num(found.max)):
             columns += [
                 Column(f"mean_{one.column}", one.unit, _always(found.mean), f"mean: {one.meaning}"),
                 Column(f"max_{one.column}", one.unit, _always(found.max), f"largest: {one.meaning}"),
             ]
-    stories = replace(columns[0], value=lambda shown: np.arange(1, shown.height.size + 1))
-    return Table.of_results((stories, *columns[1:]), [profile]).in_units(units)
+    return Table.of_results(columns, [profile]).in_units(units)
+
+
+_STORY_OF_PROFILE = replace(PROFILES[3], value=lambda profile: np.arange(1, profile.height.size + 1))
+
+
+def _named(names: Sequence[str]) -> list[Quantity]:
+    """The quantities of these names, in their order."""
+    known = {one.called or one.name: one for one in STORY_QUANTITIES}
+    return [known[name] for name in names]
+
+
+def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
+    """By how many percent the errors of the runs may change means and largest values; of residual drifts in percent of
+    the peak drifts."""
+    columns: list[Column] = [_STORY_OF_PROFILE]
+    drift = profile.statistics(_named(["peak_drift"])[0])
+    for one in _named(names):
+        found, errors = profile.statistics(one), profile.errors(one)
+        if errors is None or not np.any(np.nan_to_num(found.max)):
+            continue
+        over = drift if one.name.startswith("residual") else found
+        for name in ("mean", "max"):
+            size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
+            percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
+            columns.append(Column(f"{name}_{one.called or one.name}", "%", _always(np.array(percent)), one.meaning))
+    return Table.of_results(columns, [profile])
 
 
 def _always(values: Any) -> Callable[[Any], Any]:
@@ -326,13 +357,13 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
     found = [units.column(one.name, one.unit) for one in columns]
-    waiting = iter([[name for name, _ in found]])
+    waiting = iter([[harmless(name) for name, _ in found]])
     source = iter(rows if units == SI else _converted(rows, [factor for _, factor in found]))
     while True:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerows(waiting)
-        stream.write(text.getvalue().encode("utf-8", "surrogateescape"))
+        stream.write(text.getvalue().encode())
         batch = list(islice(source, _ROWS_AT_ONCE))
         if not batch:
             return
@@ -370,13 +401,15 @@ def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple
     """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
     that is among them gets `inventory_` before its own."""
     found = [EVENT] if store.events() else []
-    taken = {*others, *names(found)}
-    for title in store.inventory_columns():
+    taken, titles = {*others, *names(found)}, store.inventory_columns()
+    placed = _PLACED if found and titles[: len(_PLACED)] == tuple(_PLACED) else {}
+    for place, title in enumerate(titles):
         name = title
         while name in taken:
             name = f"inventory_{name}"
         taken.add(name)
-        found.append(Column(name, TEXT, name, f"column {title} of the inventory, as it is written there"))
+        told = f"column {title} of the inventory, as it is written there"
+        found.append(Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told))
     return tuple(found)
 
 

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import chain
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.campaign.fragility.run_damage import (
-    BuildingDamage,
-    TypeDamage,
-    building_damages,
-    group_damages,
-    stored_states,
-)
-from tdint.campaign.store.store import Store
-from tdint.model.damage_states import DEMANDS, DamageStates
+from tdint.campaign.fragility.runs import BuildingDamage, TypeDamage, building_damages, group_damages, stored_states
+from tdint.campaign.store import Store
+from tdint.errors import UsageError
+from tdint.model.damage_states import COST, DEMANDS, DamageStates
 from tdint.output.tables.campaign import EVENT, OF_BUILDING, SAMPLE, carried_cells, carried_columns, write_rows
-from tdint.output.tables.table import Column, cell_text, describe, names
-from tdint.output_units import SI, OutputUnits
-from tdint.quantity import suffix
+from tdint.output.tables.table import Column, Table, cell_text, describe, names
+from tdint.units import SI, OutputUnits, suffix
 
 _STATUS = Column("status", "text", "status", "how the run ended")
 _STATE = Column(
@@ -52,6 +47,13 @@ TYPES = (
     Column("probability_error", "1", "probability_error", "its standard error over the ground motions"),
 )
 """Of damage-types.csv."""
+
+_MONEY = (
+    Column("value", "1", "value", "what the buildings with a result cost: cost times number of the inventory, summed"),
+    Column("loss", "1", "money", "mean loss of all of them together, in the unit of cost"),
+    Column("loss_error", "1", "money_error", "its standard error over the ground motions"),
+)
+"""Of an inventory with costs."""
 
 LOSSES = (
     TYPE,
@@ -149,30 +151,114 @@ def type_columns(store: Store) -> tuple[Column, ...]:
     return (*TYPES, *(EVENT,) * bool(store.events()))
 
 
-def loss_columns(store: Store) -> tuple[Column, ...]:
-    """Of losses.csv, likewise."""
-    return (*LOSSES, *(EVENT,) * bool(store.events()))
+def has_costs(store: Store) -> bool:
+    """Whether the inventory says what buildings cost."""
+    return COST in [title.lower() for title in store.inventory_columns()]
+
+
+def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
+    """Of losses.csv, likewise; `by` a column of the inventory with what stands there."""
+    part = Column(by or "", "text", "part", f"column {by} of the inventory: all types of these buildings together")
+    return (*LOSSES[:2], *(part,) * bool(by), *LOSSES[2:], *_MONEY * has_costs(store), *(EVENT,) * bool(store.events()))
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
     """Write damage-types.csv."""
-    rows = (
+    write_rows(type_columns(store), _type_rows(store), stream)
+
+
+def type_table(store: Store) -> Table:
+    """damage-types.csv as a table, for a page."""
+    return Table.of(type_columns(store), [tuple(row) for row in _type_rows(store)])
+
+
+def _type_rows(store: Store) -> Iterator[list[Any]]:
+    return (
         [cell_text(of.type), of.level, *_counts(of), cell_text(state), *numbers, *_event(of)]
-        for of in group_damages(store, by_building=False)
+        for of in group_damages(store)
         for state, *numbers in zip(of.states.outcomes, *(one.tolist() for one in of.probability), strict=True)
     )
-    write_rows(type_columns(store), rows, stream)
 
 
-def write_losses(store: Store, stream: BinaryIO) -> None:
-    """Write losses.csv: first all buildings of each type, then each building."""
-    groups = (of for by_building in (False, True) for of in group_damages(store, by_building=by_building))
-    write_rows(loss_columns(store), map(_loss_row, groups), stream)
+def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
+    """Write losses.csv: where there are costs, first all buildings together; all buildings of each type, those with
+    each value of the column `by`, then each building.
+
+    Raises
+    ------
+    UsageError
+        The inventory has no such column.
+    """
+    if by is not None and by.lower() not in [title.lower() for title in store.inventory_columns()]:
+        known = ", ".join(store.inventory_columns()) or "none"
+        raise UsageError(f"--by {by}: the inventory has no such column; it has {known}")
+    write_rows(loss_columns(store, by), _loss_rows(store, by), stream)
 
 
-def _loss_row(of: TypeDamage) -> list[Any]:
-    means = (float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd)
-    return [cell_text(of.type), cell_text(of.building), of.level, *_counts(of), *means, *_event(of)]
+def loss_table(store: Store) -> Table:
+    """losses.csv as a table, for a page; without a row where the states have no losses."""
+    lost = any(states.losses for states in stored_states(store).values())
+    return Table.of(loss_columns(store), [tuple(row) for row in _loss_rows(store)] if lost else [])
+
+
+def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
+    costs = has_costs(store)
+    groups = chain(
+        group_damages(store, by="") if costs or by else (),
+        group_damages(store),
+        group_damages(store, by=by) if by else (),
+        group_damages(store, by_building=True),
+    )
+
+    def row(of: TypeDamage) -> list[Any]:
+        means = (float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd)
+        money = (of.value, float(of.money.value[0]), float(of.money.error[0])) if costs else ()
+        part = (cell_text(of.part),) if by else ()
+        head = (cell_text(of.type), cell_text(of.building), *part, of.level)
+        return [*head, *_counts(of), *means, *money, *_event(of)]
+
+    return map(row, groups)
+
+
+def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
+    """Of exceedance.csv."""
+    lost = _MONEY[1] if has_costs(store) else LOSS
+    return (
+        *(Column(by or "", "text", "part", f"column {by} of the inventory; empty for all buildings"),) * bool(by),
+        LEVEL,
+        EVENT,
+        Column("rate", "1", "rate", "how often the event comes, in a year"),
+        lost,
+        Column("exceedance_rate", "1", "exceedance", "how often a loss as large or larger comes, in a year"),
+        Column(
+            "annual_loss",
+            "1",
+            "annual",
+            "rates times losses summed down to this row: in the last one the average annual loss",
+        ),
+    )
+
+
+def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
+    """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the events from the
+    largest mean loss down; the last row has the average annual loss."""
+    rates, costs = store.rates(), has_costs(store)
+
+    def rows() -> Iterator[list[Any]]:
+        groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
+        curves: dict[tuple[str, float], list[tuple[float, str]]] = {}
+        for of in groups:
+            lost = float((of.money if costs else of.loss).value[0])
+            if lost == lost:
+                curves.setdefault((of.part, of.level), []).append((lost, of.event))
+        for (part, level), losses in curves.items():
+            often = annual = 0.0
+            for lost, event in sorted(losses, key=lambda one: -one[0]):
+                often, annual = often + rates[event], annual + rates[event] * lost
+                head = [cell_text(part)] * bool(by)
+                yield [*head, level, cell_text(event), rates[event], lost, often, annual]
+
+    write_rows(exceedance_columns(store, by), rows(), stream)
 
 
 def _counts(of: TypeDamage) -> tuple[int, ...]:

@@ -5,16 +5,19 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, BinaryIO
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from tdint.analysis.run.demands import RUN
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.runs import RUN
-from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
-from tdint.campaign.store.schema import RUNS, STORIES
+from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.fragility.runs import BuildingDamage, building_damages, stored_states
+from tdint.campaign.store_schema import RUNS, STORIES
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import (
     SAMPLE,
@@ -27,14 +30,14 @@ from tdint.output.tables.campaign import (
     write_rows,
 )
 from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
-from tdint.output.tables.table import TEXT, Column, cell_text, names
-from tdint.output_units import SI, OutputUnits
+from tdint.output.tables.table import TEXT, Column, cell_text, describe, names
+from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
-    from tdint.campaign.engine.runs import Run
+    from tdint.campaign.batch import Run
     from tdint.campaign.profiles import SuiteLevel
-    from tdint.campaign.store.store import Store
-
+    from tdint.campaign.store import Store
 
 _ROWS_AT_ONCE = 131_072
 
@@ -75,7 +78,15 @@ def parquet_writer(
         places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
         words = {one.name for place, one in enumerate(columns) if one.unit == TEXT and place not in places}
         kinds = {one.name: pyarrow.int64() if one.name in _COUNTED else pyarrow.float64() for one in columns}
-        schema = pyarrow.schema(list((kinds | dict.fromkeys(words, pyarrow.string())).items()))
+        # Each column says its unit and what it means, the file which campaign it is of.
+        about = describe(columns)
+        schema = pyarrow.schema(
+            [
+                pyarrow.field(name, kind, metadata=about.get(name, {}))
+                for name, kind in (kinds | dict.fromkeys(words, pyarrow.string())).items()
+            ],
+            {"tdint": json.dumps({"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")})},
+        )
         with parquet.ParquetWriter(stream, schema) as writer:
             for batch in _batches(rows()):
                 found = [_as_numbers(row, places) for row in batch]
@@ -224,7 +235,7 @@ def is_mapped(store: Store) -> bool:
 
 
 def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
-    from tdint.campaign.engine.runs import Run
+    from tdint.campaign.batch import Run
     from tdint.campaign.profiles import SuiteRules
 
     titles = [title.lower() for title in store.inventory_columns()]
@@ -303,3 +314,129 @@ def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
 def _digits(value: float) -> float:
     """Twelve significant digits, as in tables."""
     return float(format(value + 0.0, ".12g"))
+
+
+# ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard deviation of the
+# intensity itself
+
+_FAR = 4.0  # standard deviations beyond the medians at which the intensities end
+_GRAVITY = ACCELERATION["g"]
+_PERIOD = r"\((?P<period>[0-9.]+)\)"
+_IMTS: tuple[tuple[str, str, Mapping[str, float], float], ...] = (
+    (rf"sa{_PERIOD}", "SA({period})", ACCELERATION, _GRAVITY),
+    (rf"sa-avg{_PERIOD}", "AvgSA({period})", ACCELERATION, _GRAVITY),
+    (r"sa-avg\([0-9.:]+\)", "AvgSA", ACCELERATION, _GRAVITY),
+    (r"pga", "PGA", ACCELERATION, _GRAVITY),
+    (r"pgv", "PGV", VELOCITY, 0.01),
+    (r"arias", "IA", VELOCITY, 1.0),
+    (r"cav", "CAV", VELOCITY, _GRAVITY),
+    (r"sdi\((?P<period>[0-9.]+),(?P<strength>[0-9.]+)\)", "SDi({period},{strength})", LENGTH, 0.01),
+)
+"""Our name of a measure, that of OpenQuake 3.26 (`openquake.hazardlib.imt`), the units in which ours may be, and
+OpenQuake's, SI: g, cm/s, m/s, g s and cm."""
+
+STRENGTH = (
+    "SDi's second number is the yield force over the weight here; ground-motion models of OpenQuake mean by it the "
+    "elastic force over the yield force: take hazard of the same measure"
+)
+
+
+def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
+    """The fragility model of functions of one intensity measure: one for each state of the building before, or for each
+    type of buildings, under whose name it stands.
+
+    Parameters
+    ----------
+    name : str
+        Taxonomy of the building, where the functions are of no type: the function's id.
+    states : sequence of str
+        Limit states, by rising thresholds; by default ds1, ds2, ...; those of the types where they are of some.
+
+    Raises
+    ------
+    UsageError
+        The measure is none that OpenQuake knows; as many states as thresholds are not given.
+    """
+    named = {} if functions[0].type else _named(functions, states)
+    every = list(dict.fromkeys(named[one] for one in sorted(named)) or dict.fromkeys(one.state for one in functions))
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
+        '  <fragilityModel id="tdint" assetCategory="buildings" lossCategory="structural">',
+        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
+        f"    <limitStates>{' '.join(every)}</limitStates>",
+    ]
+    for of_one in _grouped(functions):
+        told = [one.state or named[one.threshold] for one in of_one]
+        first = of_one[0]
+        if told != every:
+            missing = ", ".join(one for one in every if one not in told)
+            what = first.type or f"damage {first.damage:g}"
+            raise UsageError(
+                f"{what}: no function of {missing}, and OpenQuake needs one of every state of all; more levels of "
+                "intensity tell it, or leave it out with --threshold"
+            )
+        suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
+        lines += _function(of_one, first.type or f"{name}{suffix}", told)
+    return "\n".join([*lines, "  </fragilityModel>", "</nrml>", ""]).encode()
+
+
+def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
+    """The functions of the types that have one of every state, and the names of the others."""
+    most = max(len(of_one) for of_one in _grouped(functions))
+    partial = [of_one[0].type for of_one in _grouped(functions) if len(of_one) < most]
+    return [one for one in functions if one.type not in partial], partial
+
+
+def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
+    """The limit states by their thresholds.
+
+    Raises
+    ------
+    UsageError
+        There are not as many.
+    """
+    thresholds = sorted({one.threshold for one in functions})
+    states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
+    if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
+        listed = ", ".join(f"{one:g}" for one in thresholds)
+        raise UsageError(
+            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many states, a word each"
+        )
+    return dict(zip(thresholds, states, strict=True))
+
+
+def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
+    """The functions of each building or type, by rising thresholds."""
+    groups: dict[tuple[str, str], list[Fragility]] = {}
+    for one in functions:
+        groups.setdefault((str(one.damage), one.type), []).append(one)
+    return [sorted(of_one, key=lambda one: one.threshold) for of_one in groups.values()]
+
+
+def _function(functions: Sequence[Fragility], name: str, states: Sequence[str]) -> list[str]:
+    imt, factor = _measure(functions[0])
+    far = [one.theta * factor * math.exp(sign * _FAR * one.beta_total) for one in functions for sign in (-1.0, 1.0)]
+    lines = [
+        f'    <fragilityFunction id={quoteattr(name)} format="continuous" shape="logncdf">',
+        f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
+    ]
+    for one, state in zip(functions, states, strict=True):
+        mean = one.theta * factor * math.exp(0.5 * one.beta_total**2)
+        deviation = mean * math.sqrt(math.expm1(one.beta_total**2))
+        lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
+    return [*lines, "    </fragilityFunction>"]
+
+
+def _measure(function: Fragility) -> tuple[str, float]:
+    """What OpenQuake calls the intensity measure, and the factor to its unit."""
+    for name, imt, units, own in _IMTS:
+        found = re.fullmatch(name, function.im.lower())
+        if found and function.unit in units:
+            numbers = {part: f"{float(text):.6g}" for part, text in found.groupdict().items()}
+            return imt.format(**numbers), units[function.unit] / own
+    measure = f"{function.im or 'untold'} {function.unit}".rstrip()
+    raise UsageError(
+        "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; the "
+        f"measure of these functions is {measure}"
+    )

@@ -14,12 +14,12 @@ from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table,
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
     from tdint.analysis.assessment.order import ObservedOrder
-    from tdint.analysis.assessment.overshoot import Overshoot
     from tdint.analysis.assessment.paper_examples import ExampleRun
-    from tdint.analysis.assessment.stability import StabilityCurve
+    from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
+    from tdint.analysis.chart.profiles import FieldChart
     from tdint.analysis.chart.work_precision import Chart
     from tdint.methods.method import Integrator, Method
-    from tdint.validation.case import ValidationResult
+    from tdint.validation import ValidationResult
 
 
 def _power(value: float) -> float:
@@ -138,8 +138,8 @@ CHART = (
     Column("dt_s", "s", "dt", "time step"),
     Column("steps", "1", "steps", "time steps"),
     Column("iterations", "1", "iterations", "solves; of scipy evaluations of the rate"),
-    Column("time_s", "s", "time", "median wall time of the compiled loop"),
-    Column("time_min_s", "s", "fastest", "least wall time of the compiled loop"),
+    Column("time_s", "s", "time", "median time of the compiled loop, on the clock that the summary names"),
+    Column("time_min_s", "s", "fastest", "least time of the compiled loop"),
     _chart_error("displacement", "error of the displacements relative to the ground (L2 of the history)"),
     _chart_error("drift", "error of the drifts (L2 of the history)"),
     _chart_error("peak_drift", "largest error of a story's peak drift"),
@@ -264,6 +264,35 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
     """The tables of several charts, with the number of stories before all."""
     rows = [(chart.stories, *row) for chart in charts for point in chart.points for row in rows_of(CHART, point)]
     return Table.of((CHART_STORIES, *CHART), rows)
+
+
+def _within(factor: float, name: str) -> Column:
+    return Column(
+        name, "1", lambda one: one.within(factor), f"of these, at no more than {factor:g} times the least cost"
+    )
+
+
+PROFILE = (
+    Column("quantity", "text", "quantity", "what the error is of"),
+    Column("tolerance", "1", "tolerance", "largest relative error of a story"),
+    METHOD_SPEC,
+    Column("problems", "1", "problems", "problems that it was given and whose reference is known well enough"),
+    Column("solved", "1", "solved", "of these, with a step that is within the tolerance, as are all smaller ones"),
+    *(_within(factor, name) for factor, name in ((1.1, "cheapest"), (2.0, "within_2"), (5.0, "within_5"))),
+    _within(10.0, "within_10"),
+    Column(
+        "median_ratio",
+        "1",
+        lambda one: _power(one.median),
+        "median of its cost over the least of our methods; empty where half are not solved",
+    ),
+    Column("worst_ratio", "1", "worst", "the largest of those solved"),
+)
+
+
+def profile_table(chart: FieldChart) -> Table:
+    """One row per quantity, tolerance and method."""
+    return Table.of_results(PROFILE, chart.profiles)
 
 
 VALIDATION = (

@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import DAMPING, FLOOR, OF_RECORD, PERIOD, Cell, Column, Table, rows_of
+from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, rows_of
 from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.drift import DriftSpectrum
-    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.given import AnyRecord
     from tdint.analysis.spectra.floors import FloorSpectrum
-    from tdint.analysis.spectra.inelastic import InelasticSpectrum
-    from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
+    from tdint.analysis.spectra.target import SpectrumDifference
 
 
 def _units(info: Any) -> str:
@@ -75,26 +74,12 @@ OF_MOTION = (
 )
 """The first columns of tables over pairs of components."""
 
-CHOICES = (
-    Column("maxima", "text", "maxima", "where the largest values were looked for"),
-    Column("interpolation", "text", "interpolation", "the ground motion between its samples"),
-)
-"""Last columns of a spectrum, where they are asked for."""
-
-SPECTRUM = (
-    DAMPING,
-    PERIOD,
-    Column("sd_m", "m", "sd", "largest displacement relative to the ground"),
-    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, omega sd"),
-    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration, omega^2 sd"),
-    Column("sv_m_s", "m/s", "sv", "largest velocity relative to the ground"),
-    Column("sa_m_s2", "m/s^2", "sa", "largest absolute acceleration"),
-)
+SPECTRUM = columns_of(Spectrum)
 
 
 TARGET = (
     Column("target", "text", "source", "design spectrum with its parameters, or file"),
-    PERIOD,
+    SPECTRUM[1],
     Column("sd_m", "m", "sd", "displacement, psa over omega^2"),
     Column("psv_m_s", "m/s", "psv", "pseudo-velocity, psa over omega"),
     Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
@@ -113,7 +98,6 @@ def difference(published: str) -> tuple[Column, ...]:
     )
 
 
-ROTATED_START = (DAMPING, PERIOD)
 ROTATED_END = (
     Column(
         "geometric_mean_psa_m_s2",
@@ -139,32 +123,7 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
         )
         for i, p in enumerate(percentiles)
     )
-    return (*ROTATED_START, *middle, *ROTATED_END)
-
-
-INELASTIC = (
-    DAMPING,
-    Column("hardening", "1", "hardening", "stiffness after yielding over the initial one"),
-    Column("target_ductility", "1", "target", "ductility asked for"),
-    Column("period_s", "s", "periods", "natural period of the initial stiffness"),
-    Column("yield_strength_ratio", "1", "yield_strength_ratio", "yield force over weight"),
-    Column("ductility", "1", "ductility", "largest over yield displacement"),
-    Column("residual_m", "m", "residual", "displacement at rest after the record, with its sign"),
-    Column("sd_m", "m", "sd", "largest displacement relative to the ground"),
-    Column("yield_sd_m", "m", "yield_displacement", "displacement at first yield"),
-    Column("yield_psa_m_s2", "m/s^2", "yield_acceleration", "yield force over mass"),
-    Column("reduction_factor", "1", "reduction_factor", "largest elastic force over yield force"),
-)
-DRIFT_SPECTRUM = (
-    DAMPING,
-    Column("period_s", "s", "periods", "fundamental period"),
-    Column("height_m", "m", "heights", "height of the building"),
-    Column("peak_drift_ratio", "1", "peak_drift_ratio", "largest story drift over story height"),
-    Column("story", "1", lambda spectrum: np.where(spectrum.story > 0, spectrum.story, None), "where that is, from 1"),
-    Column(
-        "roof_drift_ratio", "1", "roof_drift_ratio", "largest roof displacement relative to the ground, over the height"
-    ),
-)
+    return (*SPECTRUM[:2], *middle, *ROTATED_END)
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,13 +143,18 @@ _HOUSNER = 481
 """Periods of the spectrum whose integral is the Housner intensity: 0.005 s apart."""
 
 
-def record_info(record: Any) -> RecordInfo:
+def record_info(record: AnyRecord) -> RecordInfo:
     """What a record is and how strong: the columns of `tdint info`.
 
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
         What `run` takes.
+
+    Returns
+    -------
+    RecordInfo
+        Sampling, processing and intensity measures.
 
     Raises
     ------
@@ -220,53 +184,22 @@ def record_table(own: Sequence[Column], results: Sequence[Any]) -> Table:
     return Table.of((*OF_RECORD, *own), rows)
 
 
-OSCILLATOR = (
-    *OF_RECORD,
-    DAMPING,
-    PERIOD,
-    Column("time_s", "s", "time", "time from the first sample"),
-    Column("ground_acceleration_m_s2", "m/s^2", "record.acceleration", "acceleration of the ground"),
-    Column("displacement_m", "m", "displacement", "relative to the ground"),
-    Column("velocity_m_s", "m/s", "velocity", "relative to the ground"),
-    Column("absolute_acceleration_m_s2", "m/s^2", "acceleration", "absolute"),
-)
-"""Of histories of oscillators."""
-
-
-def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per record, component, damping ratio and period, in the order given.
-
-    `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
-    """
-    return record_table((*SPECTRUM, *_choices(stated)), spectra)
+def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
+    """The rows of results of one kind, each of one record: what their class declares, and what is `asked` for."""
+    return record_table(columns_of(type(results[0]), *asked), results)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
     """One row per record, component, damping ratio and period: computed and published values and their difference."""
-    from tdint.analysis.spectra.published import QUANTITIES
+    from tdint.analysis.spectra.target import QUANTITIES
 
     return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per motion, damping ratio and period, a column per percentile; `stated` as for `spectrum_table`."""
-    own = (*rotated(spectra[0].percentiles), *_choices(stated))
+    """One row per motion, damping ratio and period, a column per percentile; `stated`: choices with columns."""
+    own = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
     return Table.of_results((*OF_MOTION, *own), spectra)
-
-
-def _choices(stated: Sequence[str]) -> list[Column]:
-    choices = {column.name: column for column in CHOICES}
-    return [choices[name] for name in stated]
-
-
-def inelastic_table(spectra: Sequence[InelasticSpectrum]) -> Table:
-    """One row per record, component, damping ratio, ductility or strength, and period, in the order given."""
-    return record_table(INELASTIC, spectra)
-
-
-def drift_spectrum_table(spectra: Sequence[DriftSpectrum]) -> Table:
-    """One row per record, component, damping ratio and period, in the order given; no story for a beam."""
-    return record_table(DRIFT_SPECTRUM, spectra)
 
 
 OF_FLOORS = (

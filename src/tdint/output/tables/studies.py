@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.run_measures import MeasureFit
-from tdint.campaign.ida.curve import Capacity, IdaCurve
-from tdint.campaign.ida.study import IdaStudy
-from tdint.campaign.suites.scaling import Scaling
+from tdint.campaign.fragility.fits import BINS, Fragility
+from tdint.campaign.fragility.measures import MeasureFit
+from tdint.campaign.ida import IdaStudy
+from tdint.campaign.ida_curve import Capacity, IdaCurve
+from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (
@@ -153,6 +153,9 @@ FRAGILITY_STATES = (
 )
 """Before those of functions by type; their errors are over the ground motions."""
 
+FRAGILITY_BUILDING = (Column("building", "text", "type", "name of the building"), FRAGILITY_STATES[1])
+"""Of functions by building."""
+
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
@@ -169,6 +172,7 @@ CLOUD = (
     Column("b0", "1", lambda one: _of_line(one, "intercept"), "of a cloud: intercept of ln EDP over ln IM"),
     Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM"),
     Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP"),
+    Column("below", "1", lambda one: _of_line(one, "light"), "of a cloud: runs that count only as below all states"),
 )
 """Beside a cloud: its line."""
 
@@ -192,6 +196,33 @@ FAILED = (
     *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
 )
 """Beside a fit of runs some of which have no result."""
+
+_COUNTS = {
+    "im": ("1", "geometric mean of the intensities of the runs in bin {} of them, from the lowest"),
+    "runs": ("1", "runs in this bin"),
+    "share": (
+        "1",
+        "the share of them that is beyond the threshold or state, as counted, to be held beside the function",
+    ),
+}
+
+
+def _of_bin(place: int, name: str) -> Callable[[Fragility], float]:
+    """What was counted in a bin; nan where there are fewer."""
+
+    def value(one: Fragility) -> float:
+        values = getattr(one.counted, name, ())
+        return float(values[place]) if place < len(values) else np.nan
+
+    return value
+
+
+COUNTED = tuple(
+    Column(f"bin_{place + 1}_{name}", unit, _of_bin(place, name), meaning.format(place + 1))
+    for place in range(BINS)
+    for name, (unit, meaning) in _COUNTS.items()
+)
+"""Behind the others: what was counted in bins of the intensity."""
 
 FRAGILITY_TOTAL = Column("beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)")
 
@@ -258,16 +289,20 @@ def capacity_table(study: IdaStudy) -> Table:
     return _with_unit(Table.of(columns, rows), study.measure.unit)
 
 
-def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
-    columns of their line, runs without a result those that bound what they may change."""
+def fragility_table(
+    functions: Sequence[Fragility], *, total: bool = False, states: Sequence[Column] = FRAGILITY_STATES
+) -> Table:
+    """A row for each function; with `total` a column of the standard deviation with that of the model. Functions of
+    states have the columns `states` first, clouds bring those of their line, runs without a result those that bound
+    what they may change, and last stands what was counted."""
     wanted = (
-        *(FRAGILITY_STATES if any(one.type for one in functions) else ()),
+        *(states if any(one.type for one in functions) else ()),
         *((FRAGILITY_DAMAGE,) if any(one.damage == one.damage for one in functions) else ()),
         *FRAGILITY,
         *(CLOUD if any(one.cloud for one in functions) else ()),
         *(FAILED if any(one.failed and not one.type for one in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
+        *COUNTED[: len(_COUNTS) * max((one.counted.im.size for one in functions if one.counted), default=0)],
     )
     return Table.of_results(wanted, functions)
 

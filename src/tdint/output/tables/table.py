@@ -2,7 +2,7 @@
 column of it is.
 
 Every column is declared once, in the module of its subject: its name, its unit, where its value comes from, and what it
-means. A name ends with the unit's `tdint.quantity.suffix`; a quantity that is absolute says so, all others are relative
+means. A name ends with the unit's `tdint.units.suffix`; a quantity that is absolute says so, all others are relative
 to the ground or to the floor below. An estimated error of a column is called `<column>_error`.
 """
 
@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.output_units import SI, OutputUnits
-from tdint.quantity import Quantity
+from tdint.units import SI, OutputUnits, Quantity, quantities
 
 Cell = bool | int | float | str | None
 
@@ -31,9 +30,13 @@ TEXT = "text"
 CORRECTED = "corrected_"
 """What the name of a column begins with that is corrected by its error."""
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]")
+"""What steers a terminal, and halves of letters; not the bytes that Python could not read."""
+
 _WORD = re.compile(r"\w+")
-_FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
+_FORMULA = frozenset("=+-@\t\r")
+_HARMLESS = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
+"""Plain numbers, and a sign alone: - is the name of standard input."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,15 @@ class Column:
     def of(self, result: Any) -> Any:
         """The value for a result."""
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
+
+
+def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
+    """The columns that a result declares in its fields; of those that are shown when asked for the ones named."""
+    return tuple(
+        Column(one.column, one.unit, one.value or one.name, one.meaning)
+        for one in quantities(kind)
+        if "table" in one.shown or one.name in asked
+    )
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
@@ -181,10 +193,9 @@ class Table:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         if header:
-            writer.writerow(self.columns)
+            writer.writerow(map(harmless, self.columns))
         writer.writerows(map(cell_text, row) for row in self.rows)
-        # A file name that is not UTF-8 reaches Python with surrogates; it leaves with the bytes it had.
-        return text.getvalue().encode("utf-8", "surrogateescape")
+        return text.getvalue().encode()
 
 
 def cell_text(value: Cell) -> str:
@@ -197,16 +208,20 @@ def cell_text(value: Cell) -> str:
         case float() | np.floating():
             return "" if math.isnan(value) else format(value + 0.0, ".12g")  # + 0.0: zero has no sign
         case _:
-            return _harmless(str(value))
+            return harmless(str(value))
 
 
-def _harmless(text: str) -> str:
-    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, and no formula.
+def harmless(text: str) -> str:
+    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, is no UTF-8 (written
+    out), or is a formula.
 
-    Spreadsheets run what begins with = or @, or with a sign before a letter; an apostrophe before it makes it text.
+    Spreadsheets run what begins with = + - @, a tab or a return and is no number; an apostrophe before it makes it a
+    text.
     """
-    plain = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
-    return f"'{plain}" if _FORMULA.match(plain) else plain
+    plain = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
+    # Bytes of a name that Python could not read in this locale reach it as surrogates.
+    plain = plain.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    return f"'{plain}" if text[:1] in _FORMULA and not _HARMLESS.fullmatch(plain) else plain
 
 
 OF_RECORD = (

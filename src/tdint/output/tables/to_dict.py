@@ -6,47 +6,49 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial, singledispatch
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tdint.analysis.assessment.failures import Trial
 from tdint.analysis.assessment.order import ObservedOrder
-from tdint.analysis.assessment.overshoot import Overshoot
 from tdint.analysis.assessment.paper_examples import ExampleRun
-from tdint.analysis.assessment.stability import StabilityCurve
+from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
+from tdint.analysis.chart.profiles import FieldChart
 from tdint.analysis.chart.work_precision import Chart
-from tdint.analysis.comparison.compare import Comparison
-from tdint.analysis.run.demands import DemandsOfRuns
-from tdint.analysis.run.outcome import History, Response, StoryPeaks
+from tdint.analysis.compare import Comparison
+from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors, demand_values
+from tdint.analysis.run.outcome import STORY, History, Response, StoryPeaks
 from tdint.analysis.run.overview import Overview
-from tdint.analysis.run_many import Runs
+from tdint.analysis.run.run_many import Runs
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
+from tdint.analysis.spectra.modal import ModalResponse
 from tdint.analysis.spectra.rotated import RotatedSpectrum
-from tdint.analysis.static.cyclic import CyclicTest
-from tdint.analysis.static.pushover import Pushover
+from tdint.analysis.static import CyclicTest, Pushover
+from tdint.analysis.target_displacement import TargetDisplacement
 from tdint.campaign.carry_out import CampaignRuns
-from tdint.campaign.engine.runs import DEMANDED, demand_errors, demand_values
 from tdint.campaign.fragility.fit_table import FragilityResult
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.ida import IdaStudy
+from tdint.campaign.scaling import Scaling
 from tdint.campaign.sensitivity import Swing
-from tdint.campaign.suites.scaling import Scaling
 from tdint.errors import UsageError
+from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.methods.method import Integrator
-from tdint.model.inventory.derive import InventoryBuilding
+from tdint.model.inventory import InventoryBuilding
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
+from tdint.output.tables import buildings, campaign, methods, spectra, studies
 from tdint.output.tables.methods import validation_table
 from tdint.output.tables.spectra import RecordInfo
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table
-from tdint.output_units import SI, parse_output_units
-from tdint.tabular import Several
-from tdint.validation.case import ValidationResult
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe
+from tdint.tabular import Several, optional
+from tdint.units import SI, parse_output_units, quantities
+from tdint.validation import ValidationResult
 
 _ROWS = 20
 _DIGITS = 5
@@ -62,6 +64,11 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         and several results of one kind.
     units : str
         Units in place of SI, such as `kip,in,g`; the names change with them.
+
+    Returns
+    -------
+    dict
+        Columns by name.
 
     Raises
     ------
@@ -105,6 +112,46 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
         else np.concatenate([table[name] for table in tables])
         for name, first in tables[0].items()
     }
+
+
+def to_parquet(result: Any, file: str | Path) -> None:
+    """What `Tabular.to_parquet` writes."""
+    pyarrow, parquet = (optional(name, "a Parquet file", "parquet") for name in ("pyarrow", "pyarrow.parquet"))
+    table = to_dict(result)
+    about = describe(column for column, _ in _values(result))
+    arrays = [pyarrow.array(values) for values in table.values()]
+    fields = [
+        pyarrow.field(name, array.type, metadata=about.get(name, {})) for name, array in zip(table, arrays, strict=True)
+    ]
+    whole = pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields))
+    write_files({Path(file): lambda stream: parquet.write_table(whole, stream)}, overwrite=True)
+
+
+def to_xarray(runs: Runs) -> Any:
+    """What `Runs.to_xarray` gives."""
+    xarray = optional("xarray", "to_xarray")
+    table = to_dict(runs)
+    along = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
+    coordinates: dict[str, Any] = {name: ("run", table[name]) for name in along}
+    coordinates |= {"run": np.arange(len(runs.model)), "story": 1 + np.arange(runs.stories.peak_drift.shape[1])}
+    told: dict[str, Any] = {}
+    for one in STORY:
+        about = {"units": one.unit, "long_name": one.meaning}
+        told[one.name] = ("run", "story"), getattr(runs.stories, one.name), about
+        if hasattr(runs.errors, one.name):
+            told[f"{one.name}_error"] = ("run", "story"), getattr(runs.errors, one.name), {"units": one.unit}
+    for name, values in runs.history.items():
+        told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
+    if runs.history:
+        alike = len(runs.time) == 1
+        coordinates["time" if alike else "times"] = ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
+    return xarray.Dataset(told, coordinates)
+
+
+OF_RUN = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
+"""What a run is: coordinates beside its number."""
+
+_HISTORY_UNITS = {one.called or one.name: one.unit for one in quantities(History)}
 
 
 def to_html(result: Any, caption: str) -> str:
@@ -173,17 +220,19 @@ for _several in (Several, list, tuple):
 _values.register(CampaignRuns, lambda result: campaign.runs_table(result).by_column())
 _values.register(Chart, lambda result: methods.chart_table(result).by_column())
 _values.register(Comparison, lambda result: buildings.comparison_table([result]).by_column())
+_values.register(FieldChart, lambda result: methods.profile_table(result).by_column())
 _values.register(FragilityResult, lambda result: studies.fragility_table(result.functions).by_column())
 _values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
 _values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
 _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
-_values.register(Response, lambda result: responses.response_table(result).by_column())
+_values.register(Response, lambda result: buildings.response_table(result).by_column())
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
-_values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
-_values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
-_values.register(InelasticSpectrum, partial(_of_record, spectra.INELASTIC))
-_values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
+_values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
+for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum):
+    _values.register(_spectrum, partial(_of_record, columns_of(_spectrum)))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
+_values.register(ModalResponse, lambda result: _of(buildings.MODAL_RESPONSE, result))
+_values.register(TargetDisplacement, lambda result: _of(buildings.TARGET_DISPLACEMENT, result))
 _values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
 _values.register(StabilityCurve, lambda result: _of(methods.STABILITY, result))
 _values.register(Record, partial(_of, spectra.SAMPLES))
@@ -191,19 +240,19 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 
 @_values.register
 def _(result: Runs) -> _Values:
-    cells = {one.name: np.full(len(result.model), np.nan) for one in DEMANDED}
+    demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
-        demands = DemandsOfRuns(stories)
-        for one in DEMANDED:
-            cells[one.name][runs] = one.value(demands) if one.value else np.nan
+        for name, column in demand_columns(stories).items():
+            demands[name][runs] = column
     return [
         (OF_RUNS["building"], np.array([one.name for one in result.models])[result.model]),
         (OF_RUNS["record"], np.array([one.source for one in result.records])[result.record]),
         (OF_RUNS["component"], np.array([one.component for one in result.records])[result.record]),
         (OF_RUNS["method"], np.array(result.methods)[result.model]),
+        *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
         *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
-        *((OF_RUNS[name], values) for name, values in cells.items()),
+        *((OF_RUNS[name], values) for name, values in demands.items()),
         *_estimated(result),
     ]
 
@@ -248,7 +297,7 @@ def _(result: Modes) -> _Values:
 def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for place, columns in responses.history_groups(error):
+    for place, columns in buildings.history_groups(error):
         found = [column.of(result) for column in columns]
         values += [one[:, i] for i in range(stories) for one in found] if place else found
-    return list(zip(responses.history_columns(stories, error), values, strict=True))
+    return list(zip(buildings.history_columns(stories, error), values, strict=True))

@@ -6,17 +6,30 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, bubbles_of, correct, of_story, whole_path
-from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
+from tdint.kernels.equations.carried.rows import (
+    OWN,
+    Carried,
+    add_loads,
+    bubbles_of,
+    correct,
+    note_doubt,
+    of_story,
+    story_of,
+    surely_keeps,
+    turns_of,
+    whole_path,
+)
+from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end, raise_forces
 from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.laws.choosing import COUNTS_TURNS
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
+from tdint.kernels.stepping import Integrals
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.error_path import RESULT
-from tdint.kernels.stories.path import arrive, stays
+from tdint.kernels.stories.path import arrive
 
 PASSES = 3  # Newton steps
 
@@ -42,11 +55,19 @@ def follow_anew(scene, h, load, memory, base):
         if left == 0.0 and passed > 0:
             break
     work[base + OWN.CALM, n] += left
+    for i in range(n if COUNTS_TURNS else 0):
+        if not springs[at.SLOPE, n + 1 + i] < math.inf:
+            continue
+        c = n + 1 + i
+        trial = at.FIRST_TRIAL if work[base + OWN.CALM, i] == 0.0 else 0
+        failed = springs[trial + at.SLOPE, c] == 0.0 and springs[trial + at.FORCE, c] == 0.0
+        failed = failed and springs[trial + at.TURN, c] == 0.0 and springs[at.FORCE, c] != 0.0
+        note_doubt(carried, i, turns_of(carried, i, bubbles_of(carried, i)[0]), failed)
     for i in range(n):
         if work[base + OWN.CALM, i] == 0.0:
             raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])
-    if comes_near(carried)[0]:
-        kind, low, high = passes(scene, h, load, memory, base)
+    if comes_near(carried, False)[0]:
+        kind, low, high = passes(scene, h, load, memory, base, False)
         if kind > 0:
             look_within(scene, h, load, memory, base, False, (2, low, high))
     below = 0.0
@@ -64,6 +85,8 @@ def follow_anew(scene, h, load, memory, base):
         state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
         state[at.ERROR_VELOCITY, i] += work[base + OWN.BEND, i] / h
         raise_end(carried, i)
+    # Where a story leaves its branch its force has a corner, which the moments of the step do not tell.
+    raise_forces(scene, h, load, memory, base)
 
 
 @inlined
@@ -75,16 +98,20 @@ def _paths(carried, knowing):
     n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         c = n + 1 + i
-        whole = whole_path(carried, i)
         damped = DASHPOTS and scene.linear_terms[at.POWER_DAMPER, i] != 0.0
         calm = work[ROW.LEFT, i] == 0.0 and springs[at.SLOPE, i] == springs[at.SLOPE, c] and not damped
-        if calm and stays(springs, c, whole.rise, whole.bend):
+        if calm and surely_keeps(carried, i, story_of(carried, i)):
+            work[base + OWN.CALM, i] = 1.0
+            continue
+        bubbles = bubbles_of(carried, i) if knowing else (0.0, 0.0)
+        turned = turns_of(carried, i, bubbles[0])
+        whole = whole_path(carried, i)
+        if calm and error_path.keeps(springs, c, whole, bubbles, turned):
             work[base + OWN.CALM, i] = 1.0
             continue
         work[base + OWN.CALM, i] = 0.0
-        bubbles = bubbles_of(carried, i) if knowing else (0.0, 0.0)
         results = Integrals(work, base + OWN.PATH)
-        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
+        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, turned, results)
         if damped:
             error_path.add_dashpot(scene.linear_terms, i, h, whole, of_story(carried, base + OWN.A1, i), results, c)
 

@@ -24,31 +24,24 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
-from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, first_row, whole_path
+from tdint.kernels.equations.carried.rows import (
+    OWN,
+    Carried,
+    add_loads,
+    bubbles_of,
+    first_row,
+    note_doubt,
+    story_of,
+    surely_keeps,
+    turns_of,
+    whole_path,
+)
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW, solve
-from tdint.kernels.laws.choosing import BENDING
+from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
-from tdint.kernels.march.peaks_between_steps import raise_peak
+from tdint.kernels.stories import error_path
 from tdint.kernels.stories.branches import advance
-from tdint.kernels.stories.path import stays
-
-
-@called
-def begin_error(scene, memory):
-    """Start the companion from the run's state."""
-    state, springs, work, report = memory
-    n = scene.linear_terms.shape[1] - 1
-    for row in range(springs.shape[0]):
-        for i in range(n):
-            springs[row, n + 1 + i] = springs[row, i]
-    peaks = first_row(scene.modal) + OWN.PEAKS
-    for i in range(n):
-        raise_peak(work, peaks + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
-        raise_peak(work, peaks + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
-        raise_peak(work, peaks + at.PEAK_DRIFT, i, springs[at.DRIFT, i])
-        raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, i])
-    report[at.ERROR_BEGUN] = 1.0
 
 
 @inlined
@@ -65,7 +58,7 @@ def carry_error(scene, h, load, memory):
         add_loads(carried)
         _calm_unbalanced(carried)
         solve(scene.modal, h, work, base + OWN.RISE, n)
-        near, still = comes_near(carried)
+        near, still = comes_near(carried, True)
         calm = still or linear or _stays_still(scene, h, load, memory, base)
     else:
         for i in range(n):
@@ -73,7 +66,7 @@ def carry_error(scene, h, load, memory):
             work[base + OWN.BEND, i] = 0.0
     if calm:
         if near:
-            passing = passes(scene, h, load, memory, base)
+            passing = passes(scene, h, load, memory, base, True)
             if passing[0] > 0:
                 look_within(scene, h, load, memory, base, True, passing)
         _commit(carried)
@@ -161,9 +154,14 @@ def _stays_still(scene, h, load, memory, base):
     carried = Carried(scene, memory, load, h, base)
     n = scene.linear_terms.shape[1] - 1
     for i in range(n):
-        whole = whole_path(carried, i)
-        if not stays(memory.springs, n + 1 + i, whole.rise, whole.bend):
+        if surely_keeps(carried, i, story_of(carried, i)):
+            continue
+        bubbles = bubbles_of(carried, i)
+        turned = turns_of(carried, i, bubbles[0])
+        if not error_path.keeps(memory.springs, n + 1 + i, whole_path(carried, i), bubbles, turned):
             return False
+        if COUNTS_TURNS:
+            note_doubt(carried, i, turned, False)
     return True
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Array, Memory, Scene, Stretch
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
+from tdint.kernels.laws.choosing import COUNTING_TURNS, COUNTS_TURNS
 from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_second, force_third
-from tdint.kernels.stories import error_path
+from tdint.kernels.stepping import Array, Memory, Scene, Stretch
+from tdint.kernels.stories import error_path, path
 
 STATE_ROWS = 5
 NODES = 24  # at most, within a step at which it is looked closely
@@ -29,7 +30,7 @@ class _Rows(NamedTuple):
     MOMENT: int = 1
     CALM: int = 1  # 1 if the story is on the same linear branch in both motions; column n: `unsettled`
     PATH: int = error_path.ERROR_PATH_ROWS
-    OTHER: int = 2  # modal damping, and forces on floors
+    OTHER: int = 3  # modal damping, and forces on floors
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
     # Accelerations of the floors there, absolute ones in columns n + 1 ..., that of the ground in column n
     MOTION: int = NODES
@@ -37,6 +38,13 @@ class _Rows(NamedTuple):
 
 
 OWN, ERROR_ROWS = at.chained(_Rows)
+
+# Parts of what the rate of a story is off by that may be left of it in the corrected motion: of the error that is
+# carried along (of a hundred peaks one is corrected worse than to a quarter of it below 1e-3), and of the rate that the
+# even bubble has at most, 5.8 times its factor: a half, for what comes next is smaller by the step over the motion's
+# time.
+OF_ERROR = 0.25
+OF_BUBBLE = 3.0
 
 _SETTLED = 1e-3  # correction over the error after which there is none more
 
@@ -77,6 +85,18 @@ def first_row(modal):
 
 
 @inlined
+def begin_error(scene, memory, peaks):
+    """Start the companion from the run's state at t = 0, which is the true one: with its peaks so far."""
+    n = scene.linear_terms.shape[1] - 1
+    first = first_row(scene.modal) + OWN.PEAKS
+    for i in range(n):
+        for row in range(memory.springs.shape[0]):
+            memory.springs[row, n + 1 + i] = memory.springs[row, i]
+        for row in range(at.PEAK_ROWS):
+            memory.work[first + row, i] = peaks[row, i]
+
+
+@inlined
 def corrected(carried, i):
     """Floor `i` in the corrected motion: that of the run, and its error."""
     _, memory, _, h, base = carried
@@ -101,6 +121,13 @@ def relative(floor, below, link):
 
 
 @inlined
+def story_of(carried, i):
+    """The drift of story `i` in the corrected motion."""
+    link = carried.scene.linear_terms[at.LINK, i]
+    return relative(corrected(carried, i), corrected(carried, max(i - 1, 0)), link)
+
+
+@inlined
 def whole_path(carried, i):
     """The companion's parabola of story `i`, without its bubbles."""
     linear_terms = carried.scene.linear_terms
@@ -111,8 +138,13 @@ def whole_path(carried, i):
 @inlined
 def of_story(carried, row, i):
     """What story `i` has of a row of the floors."""
-    below = carried.memory.work[row, i - 1] if i > 0 else 0.0
-    return carried.memory.work[row, i] - carried.scene.linear_terms[at.LINK, i] * below
+    return of_story_in(carried, carried.memory.work, row, i)
+
+
+@inlined
+def of_story_in(carried, table, row, i):
+    """The same of another table."""
+    return table[row, i] - carried.scene.linear_terms[at.LINK, i] * (table[row, i - 1] if i > 0 else 0.0)
 
 
 @inlined
@@ -120,6 +152,58 @@ def bubbles_of(carried, i):
     """The factors of the bubbles of story `i`."""
     base = carried.base
     return of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i)
+
+
+@inlined
+def turns_of(carried, i, even):
+    """Where story `i` turns in the corrected motion (`path.turns`): its rate is that of the state at both ends, to
+    which the odd bubble leads, and that of the even bubble, whose factor is `even`, grows by 60 times that at first."""
+    story = story_of(carried, i)
+    odd = (story.rise - 0.5 * story.bend - story.v) / 5.0
+    start = story.bend + 30.0 * odd + 60.0 * even
+    return path.turns(story.rise, story.v, story.v + story.bend, start)
+
+
+@inlined
+def surely_keeps(carried, i, story):
+    """Whether the Bezier points of the path of story `i`, and those of its rate (`turns_of`), say without a root, and
+    without a doubt (`note_doubt`), that it keeps to its linear branch."""
+    _, memory, _, h, base = carried
+    springs = memory.springs
+    c = carried.scene.linear_terms.shape[1] + i
+    turn, upper, lower = springs[at.TURN, c], springs[at.UPPER, c], springs[at.LOWER, c]
+    even = of_story(carried, base + OWN.EVEN, i)
+    middle = 2.0 * story.rise - story.v - 0.5 * story.bend
+    tilt = 20.0 * even - story.bend / 6.0
+    least = 0.0
+    if COUNTS_TURNS:
+        off = h * of_story_in(carried, memory.state, at.ERROR_VELOCITY, i)
+        off = max(abs(off), abs(off + of_story(carried, base + OWN.BEND, i)))
+        least = abs(turn) * (OF_ERROR * off + OF_BUBBLE * abs(even))
+    surely = (turn * story.v >= least) & (turn * (story.v + story.bend) >= least)
+    surely &= (turn * (middle + tilt) >= least) & (turn * (middle - tilt) >= least)
+    # What the bubbles are at most, about
+    far = 0.1 * abs(story.rise - 0.5 * story.bend - story.v) + 2.0 * abs(even)
+    start = springs[at.DRIFT, c]
+    middle, end = start + 0.5 * story.rise - 0.25 * story.bend, start + story.rise
+    return surely & (middle + far <= upper) & (end <= upper) & (middle - far >= lower) & (end >= lower)
+
+
+@inlined
+def note_doubt(carried, i, turned, failed):
+    """Mark the run as in doubt where it hangs on less than what the rate of story `i` may be off by whether it turns,
+    if its law counts turns, and where a story has failed, whose force jumps."""
+    _, memory, load, h, base = carried
+    state, springs, _, report = memory
+    c = carried.scene.linear_terms.shape[1] + i
+    first = h * of_story_in(carried, state, at.ERROR_VELOCITY, i)
+    off = max(abs(first), abs(first + of_story(carried, base + OWN.BEND, i)))
+    unsure = OF_ERROR * off + OF_BUBBLE * abs(of_story(carried, base + OWN.EVEN, i))
+    counting = carried.scene.law_parameters[at.CODE, i] in COUNTING_TURNS
+    loading = (springs[at.TURN, c] != 0.0) | (springs[at.FIRST_TRIAL + at.TURN, c] != 0.0)
+    if (failed or (counting and loading and turned[4] < unsure)) and report[at.DOUBTFUL_STORY] == 0.0:
+        report[at.DOUBTFUL_STORY] = i + 1.0
+        report[at.DOUBTFUL_TIME] = load[at.TIME]
 
 
 @inlined

@@ -9,15 +9,34 @@ corrected motion arrives, are velocities and displacements.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, corrected, relative, whole_path
+from tdint.kernels.equations.carried.rows import (
+    OWN,
+    Carried,
+    bubbles_of,
+    corrected,
+    relative,
+    story_of,
+    surely_keeps,
+    turns_of,
+    whole_path,
+)
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING, DISSIPATING
-from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
-from tdint.kernels.march.peaks_between_steps import raise_peak
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    FORCES,
+    MODAL,
+    add_modal_force,
+    force_second,
+    force_value,
+    power_damper,
+)
+from tdint.kernels.march.peaks_between_steps import raise_at_nodes, raise_peak
+from tdint.kernels.stepping import Integrals
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.error_path import RESULT
 
@@ -29,15 +48,82 @@ _PAIRS = (3.0, 2.0)  # of equal parts in a step, and in a calm one
 _TURN = 0.03
 _BULGE = 10.0
 _BULGES = _BULGE + 60.0
+# Where the slope of a force jumps within a step, its part of the change over the step that goes beyond line and bulge.
+_CORNER = 0.07
 
 _OF_MOTION = (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
 _AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
 
 
 @inlined
-def comes_near(carried):
+def _corner(carried, i):
+    """h^2 times what the force of story `i` may go beyond line and bulge where it leaves its branch; the story that
+    stands above the last one has none."""
+    scene, memory, _, h, base = carried
+    n = scene.linear_terms.shape[1] - 1
+    if i >= n or memory.work[base + OWN.CALM, i] != 0.0:
+        return 0.0
+    slope = scene.law_parameters[at.STIFFNESS, i]
+    for block in range(2):
+        other = abs(memory.springs[block * at.FIRST_TRIAL + at.SLOPE, n + 1 + i])
+        slope = max(slope, other) if other < math.inf else slope
+    story = story_of(carried, i)
+    return _CORNER * h * h * slope * (abs(story.rise) + 0.5 * abs(story.bend))
+
+
+class _Moved(NamedTuple):
+    """h^2 times what moves a floor and all above: masses times accelerations less the forces on them. At both ends of
+    the step about, and its even bubble."""
+
+    start: float
+    end: float
+    even: float
+
+
+@inlined
+def _of_ground(carried):
+    """What the floors' even bubbles leave out of the ground's, in a step over several samples: accelerations are
+    looked for where they are absolute."""
+    return 0.5 * carried.h * carried.h * carried.load[at.GROUND_2]
+
+
+@inlined
+def _moved(carried, i, above):
+    """Floor `i` with all above, of which those above it are given; the rows OTHER hold what `_floor_forces` found."""
+    scene, memory, load, h, base = carried
+    work = memory.work
+    link, mass = scene.linear_terms[at.LINK, i + 1], scene.linear_terms[at.MASS, i]
+    half = 0.5 * work[base + OWN.A1, i]
+    start = link * above.start + mass * (work[ROW.BEND, i] - half + h * h * load[at.GROUND_0])
+    end = link * above.end + mass * (work[ROW.BEND, i] + half + h * h * load[at.GROUND_1])
+    even = link * above.even + mass * (work[base + OWN.EVEN, i] + _of_ground(carried))
+    if FORCES and scene.forces.shape[0] > 0:
+        start -= work[base + OWN.OTHER, i]
+        end -= work[base + OWN.OTHER + 1, i]
+        even -= work[base + OWN.OTHER + 2, i]
+    return _Moved(start, end, even)
+
+
+@inlined
+def _floor_forces(carried):
+    """h^2 times the forces on floors at both ends of the step, and their part of even bubbles, into the rows OTHER."""
+    scene, memory, load, h, base = carried
+    work, forces = memory.work, scene.forces
+    for i in range(scene.linear_terms.shape[1] - 1):
+        work[base + OWN.OTHER, i] = 0.0
+        work[base + OWN.OTHER + 1, i] = 0.0
+        work[base + OWN.OTHER + 2, i] = 0.0
+    for j in range(forces.shape[0]):
+        floor = int(forces[j, at.FLOOR])
+        for end in range(2):
+            work[base + OWN.OTHER + end, floor] += h * h * force_value(forces, j, load[at.TIME] + end * h)
+        work[base + OWN.OTHER + 2, floor] += h * h / 360.0 * force_second(forces, j, load[at.TIME], h)
+
+
+@inlined
+def comes_near(carried, calm):
     """Whether anything may come near its peak within the step, whose state is still that at its start; and whether all
-    stories of the companion keep to their branches: it is enough that their parabolas' Bezier points do.
+    stories of the companion keep to their branches.
 
     In most steps nothing does, which is found without a branch.
     """
@@ -51,8 +137,10 @@ def comes_near(carried):
     peaks = base + OWN.PEAKS
     near = False
     still = True
-    sum_a = sum_1 = sum_even = 0.0
+    moved = _Moved(0.0, 0.0, 0.0)
     floor = corrected(carried, n - 1)
+    if FORCES and scene.forces.shape[0] > 0:
+        _floor_forces(carried)
     for i in range(n - 1, -1, -1):
         below = corrected(carried, max(i - 1, 0))
         story = relative(floor, below, linear_terms[at.LINK, i])
@@ -63,26 +151,21 @@ def comes_near(carried):
         near |= _comes_near(floor.v, a0, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
         a = work[ROW.BEND, i] + ground
         a1 += jerk
-        near |= abs(a) + 0.5 * abs(a1) + _BULGES * even > square * work[peaks + at.PEAK_ACCELERATION, i]
-        mass = linear_terms[at.MASS, i]
-        above = linear_terms[at.LINK, i + 1]
-        sum_a = above * sum_a + mass * a
-        sum_1 = above * sum_1 + mass * a1
-        sum_even = above * sum_even + mass * even
-        near |= abs(sum_a) + 0.5 * abs(sum_1) + _BULGES * sum_even > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
+        corner = 0.0 if calm else _corner(carried, i)
+        corner_above = 0.0 if calm else linear_terms[at.LINK, i + 1] * _corner(carried, i + 1)
+        more = linear_terms[at.INVERSE_MASS, i] * (corner + corner_above)
+        even = abs(work[base + OWN.EVEN, i] + _of_ground(carried))
+        near |= abs(a) + 0.5 * abs(a1) + _BULGES * even + more > square * work[peaks + at.PEAK_ACCELERATION, i]
+        moved = _moved(carried, i, moved)
+        most = max(abs(moved.start), abs(moved.end)) + _BULGES * abs(moved.even) + corner
+        near |= most > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
         start = springs[at.DRIFT, n + 1 + i]
         near |= _comes_near(start, story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
         if BENDING:
             force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
             slope = slope if slope < math.inf else 0.0
             near |= _comes_near(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
-            middle = start + 0.5 * story.rise - 0.25 * story.bend
-            end = start + story.rise
-            turn = springs[at.TURN, n + 1 + i]
-            still &= turn * (story.rise - 0.5 * story.bend) >= 0.0
-            still &= turn * (story.rise + 0.5 * story.bend) >= 0.0
-            still &= max(start, middle, end) <= springs[at.UPPER, n + 1 + i]
-            still &= min(start, middle, end) >= springs[at.LOWER, n + 1 + i]
+            still &= surely_keeps(carried, i, story)
         if DASHPOTS:
             fastest = max(abs(story.v), abs(story.v + story.bend))
             near |= fastest > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
@@ -99,7 +182,7 @@ def _comes_near(value, rate, change, more, peak):
 
 
 @called
-def passes(scene, h, load, memory, base):
+def passes(scene, h, load, memory, base, calm):
     """What may pass its peak within the step, if anything comes near one: nothing (0), accelerations or total shears at
     its end (1), something inside (2); and the first and the last floor of which something does."""
     carried = Carried(scene, memory, load, h, base)
@@ -110,7 +193,7 @@ def passes(scene, h, load, memory, base):
     peaks = base + OWN.PEAKS
     turning = ending = False
     low, high = n, -1
-    sum_0 = sum_1 = even = 0.0
+    moved = _Moved(0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
         floor = corrected(carried, i)
         story = relative(floor, corrected(carried, max(i - 1, 0)), linear_terms[at.LINK, i])
@@ -121,15 +204,16 @@ def passes(scene, h, load, memory, base):
         here |= (a0 * a1 <= 0.0) & _beyond(floor.v, a0, a1 - a0, more, h * work[peaks + at.PEAK_VELOCITY, i])
         a0 += square * load[at.GROUND_0]
         a1 += square * load[at.GROUND_1]
-        beyond, inside = _bulges(a0, a1, work[base + OWN.EVEN, i], square * work[peaks + at.PEAK_ACCELERATION, i])
+        corner = 0.0 if calm else _corner(carried, i)
+        corner_above = 0.0 if calm else linear_terms[at.LINK, i + 1] * _corner(carried, i + 1)
+        more = linear_terms[at.INVERSE_MASS, i] * (corner + corner_above)
+        peak = square * work[peaks + at.PEAK_ACCELERATION, i] - more
+        beyond, inside = _bulges(a0, a1, work[base + OWN.EVEN, i] + _of_ground(carried), peak)
         here |= inside
         end = beyond
-        mass = linear_terms[at.MASS, i]
-        above = linear_terms[at.LINK, i + 1]
-        sum_0 = above * sum_0 + mass * a0
-        sum_1 = above * sum_1 + mass * a1
-        even = above * even + mass * work[base + OWN.EVEN, i]
-        beyond, inside = _bulges(sum_0, sum_1, even, square * work[peaks + at.PEAK_TOTAL_SHEAR, i])
+        moved = _moved(carried, i, moved)
+        peak = square * work[peaks + at.PEAK_TOTAL_SHEAR, i] - corner
+        beyond, inside = _bulges(moved.start, moved.end, moved.even, peak)
         here |= inside
         end |= beyond
         passed = _beyond(springs[at.DRIFT, n + 1 + i], story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
@@ -201,7 +285,7 @@ def look_within(scene, h, load, memory, base, calm, passing):
         for given in range(2 if still else 3):
             column = i if given == 1 else n + 1 + i
             first = base + (OWN.MOTION if given == 0 else OWN.FORCES)
-            _raise_most(work, first, column, count, peaks + _AT_NODES[given], i)
+            raise_at_nodes(work, first, column, count, peaks + _AT_NODES[given], i)
 
 
 @inlined
@@ -219,7 +303,7 @@ def _place(carried, calm, turning):
             if work[base + OWN.CALM, i] == 0.0:
                 out = base + OWN.PATH
                 times = (
-                    path.turning_point(whole_path(carried, i)),
+                    turns_of(carried, i, bubbles_of(carried, i)[0])[1],
                     work[out + RESULT.EVENT, n + 1 + i],
                     work[out + RESULT.LAST_EVENT, n + 1 + i],
                 )
@@ -261,7 +345,9 @@ def _force(carried, i, still, count):
     results = Integrals(work, base + OWN.PATH)
     past = 0
     here = 0.0
+    turned = (0.0, 1.0, 1.0, 1.0, math.inf)
     if BENDING and not still:
+        turned = turns_of(carried, i, bubbles[0])
         error_path.set_out(springs, c)
     for k in range(count):
         t = work[base + OWN.FORCES + k, n]
@@ -271,7 +357,7 @@ def _force(carried, i, still, count):
             force += springs[at.SLOPE, c] * (drift - whole.start)
         elif t > here:
             force, past = error_path.go_on(
-                scene.law_parameters, springs, c, path.part_of(whole, here, t), bubbles, past, results
+                scene.law_parameters, springs, c, path.part_of(whole, here, t), bubbles, turned, past, results
             )
         here = t
         rate = work[base + OWN.MOTION + k, i] - link * work[base + OWN.MOTION + k, max(i - 1, 0)]
@@ -281,7 +367,7 @@ def _force(carried, i, still, count):
         )
     if BENDING and not still and scene.law_parameters[at.CODE, c] in DISSIPATING:
         # Its state at the last Gauss point, which the nodes have moved
-        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
+        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, turned, results)
 
 
 @inlined
@@ -429,20 +515,6 @@ def _way(u, v, d, a0, b, c, x):
 
 
 @inlined
-def _raise_most(work, first, column, count, row, i):
-    """Raise a peak by what is given at the nodes in a column of rows from `first` on."""
-    raise_peak(work, row, i, work[first, column])
-    for k in range(0, count - 2, 2):
-        a0, a1, a2 = work[first + k, column], work[first + k + 1, column], work[first + k + 2, column]
-        raise_peak(work, row, i, a1)
-        raise_peak(work, row, i, a2)
-        b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
-        c = 0.5 * (a0 - 2.0 * a1 + a2)
-        if abs(b + 2.0 * c) < 2.0 * abs(c):
-            raise_peak(work, row, i, a0 - 0.25 * b * b / c)
-
-
-@inlined
 def raise_end(carried, i):
     """Raise the peaks of displacement, velocity, drift and shear of floor `i` and its story by those at the end of the
     step, where the companion has arrived, but not the run."""
@@ -456,6 +528,41 @@ def raise_end(carried, i):
     _raise(work, peaks + at.PEAK_VELOCITY, i, abs(v))
     _raise(work, peaks + at.PEAK_DRIFT, i, abs(springs[at.DRIFT, c]))
     _raise(work, peaks + at.PEAK_SHEAR, i, abs(springs[at.FORCE, c]))
+
+
+@called
+def raise_forces(scene, h, load, memory, base):
+    """Raise the peaks of accelerations, total shears and drift rates by those at the end of the step, where the
+    companion's stories are, and so its velocities."""
+    linear_terms, modal, _, forces, _ = scene
+    state, springs, work, _ = memory
+    n = linear_terms.shape[1] - 1
+    peaks = base + OWN.PEAKS
+    by_h = 1.0 / h
+    for i in range(n):
+        work[base + OWN.MOTION, i] = state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i] + by_h * work[ROW.BEND, i]
+        work[base + OWN.OTHER, i] = 0.0
+        work[base + OWN.OTHER + 1, i] = 0.0
+    if MODAL or FORCES:
+        add_modal_force(modal, work, base + OWN.MOTION, 1.0, work, base + OWN.OTHER, n)
+        for j in range(forces.shape[0]):
+            work[base + OWN.OTHER + 1, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + h)
+    damped = above = 0.0
+    for i in range(n - 1, -1, -1):
+        link = linear_terms[at.LINK, i]
+        v = work[base + OWN.MOTION, i]
+        rate = v - link * work[base + OWN.MOTION, max(i - 1, 0)]
+        story = springs[at.FORCE, n + 1 + i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, n + 1 + i]
+        story += linear_terms[at.STORY_DAMPER, i] * rate + power_damper(linear_terms, i, rate)[0]
+        own = linear_terms[at.FLOOR_DAMPER, i] * v + work[base + OWN.OTHER, i]
+        a = linear_terms[at.INVERSE_MASS, i] * (above - story - own + work[base + OWN.OTHER + 1, i])
+        damped += own
+        _raise(work, peaks + at.PEAK_ACCELERATION, i, abs(a))
+        _raise(work, peaks + at.PEAK_TOTAL_SHEAR, i, abs(story + damped))
+        if DASHPOTS:
+            _raise(work, peaks + at.PEAK_DRIFT_RATE, i, abs(rate))
+        above = link * story
+        damped *= link
 
 
 @inlined

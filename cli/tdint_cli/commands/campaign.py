@@ -1,0 +1,295 @@
+"""`tdint campaign`: many buildings under many records at many levels, kept on disk as they are done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import UsageError
+from tdint.units import OutputUnits
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.batch.campaigns import (
+    LIMIT,
+    REQUIRE,
+    Profiles,
+    SuiteRequest,
+    carry_out,
+    check_names,
+    export,
+    finish,
+    refuse_foreign,
+)
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.grammar import FileName
+from tdint_cli.terminal import Failures, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.carry_out import Engine, Shard
+    from tdint.campaign.cluster import Cluster
+    from tdint.campaign.store import Store
+
+
+@options.request
+class CampaignRequest(SuiteRequest):
+    """The command line of `tdint campaign`."""
+
+    words: tuple[str, ...] = options.argument(
+        "CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName()
+    )
+    output: str | None = options.output.output(
+        "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
+    )
+    jobs: int | None = options.option(
+        type=click.IntRange(1, 1024),
+        metavar="N",
+        common=True,
+        help="Threads; one for each processor by default. The output does not depend on it.",
+    )
+    shard: str | None = options.option(
+        metavar="K/N", common=True, help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
+    )
+    max_runs: int | None = options.option(
+        type=click.IntRange(1), metavar="N", common=True, help="Stop after about N runs; call again to go on."
+    )
+    dask: str | None = options.option(
+        metavar="ADDRESS",
+        help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
+    )
+    tls_ca: str | None = options.option(
+        type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
+    )
+    tls_cert: str | None = options.option(
+        type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM)."
+    )
+    tls_key: str | None = options.option(type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
+    partial: bool = options.option(
+        is_flag=True, help="With merge: accept that runs are in none of the folders, and say how many."
+    )
+    simcenter: bool = options.output.option(
+        is_flag=True, help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1)."
+    )
+    geojson: bool = options.output.option(
+        is_flag=True,
+        help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
+        "demands, for maps.",
+    )
+
+    plot: str | None = options.output.plot(
+        "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
+        ".pdf, .svg), or alone as profiles.png into the folder."
+    )
+    report: str | None = options.output.report
+    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    limit: float | None = LIMIT
+    require: bool = REQUIRE
+    baseline: str | None = options.analysis.option(
+        metavar="NAME",
+        help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the "
+        "ratios of the largest of all stories.",
+    )
+    by: str | None = options.output.option(
+        metavar="COLUMN",
+        common=True,
+        help="Losses also by what stands in this column of the inventory, such as district: a column of losses.csv.",
+    )
+    im: tuple[str, ...] | None = options.studies.option(
+        many=True,
+        type=click.STRING,
+        metavar="NAME,...",
+        help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
+        "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
+        "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
+    )
+
+    def refuse(self, *names: str) -> None:
+        """Raise UsageError for options that the action does not take."""
+        if self.report and "jobs" in names:
+            raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
+        if self.of_floors.floors and "jobs" in names:
+            raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
+        for name in (*names, *("im",) * ("jobs" in names)):
+            if getattr(self, name) not in (None, False):
+                raise UsageError(f"--{name.replace('_', '-')} is not for `tdint campaign {self.words[0]}`")
+
+
+_OF_RUNS = ("jobs", "shard", "max_runs", "dask", "tls_ca", "tls_cert", "tls_key")
+
+
+@options.command(
+    "campaign",
+    "tdint campaign campaign.yaml -o study --plot",
+    "tdint campaign status study",
+    exits={
+        4: "a record could not be read; the others are done",
+        5: "with --require the limit is not kept, or the study not complete",
+    },
+)
+@options.analysis.plugin
+@options.spectra.of_floors
+@options.of(CampaignRequest)
+def command(request: CampaignRequest) -> None:
+    """Runs of many buildings under many records at many levels.
+
+    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv,
+    and their mean, fractiles and largest over the motions to DIR/profiles.csv. Whatever ends it, the same call goes on
+    where it stopped. `status DIR` tells how far it is, `export DIR` writes the tables anew, `merge DIR... -o DIR` puts
+    parts together that were done with --shard.
+
+    A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
+    cannot be read are told, the others are done, and the exit code is 4.
+    """
+    _ACTIONS.get(request.words[0], _run)(request)
+
+
+def _run(request: CampaignRequest) -> None:
+    if len(request.words) > 1:
+        raise UsageError(f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}")
+    request.refuse("simcenter", "geojson", "partial")
+    if request.output is None:
+        raise UsageError("a campaign is kept in a folder: give -o DIR")
+    request.of_floors.check(request.output)
+    _check_measures(request)
+    check_names(Path(request.output), request)
+    shard, engine = _shard(request.shard), _engine(request)
+    from tdint.campaign.inputs import read_inputs
+    from tdint.campaign.plan import make_plan
+    from tdint.campaign.reader import load_campaign
+
+    campaign = load_campaign(request.words[0])
+    if campaign.style:
+        from tdint.errors import ModelError
+        from tdint.output.printed import PRINTED, parse_style
+
+        try:  # the command line goes over the file
+            looks = parse_style(campaign.style, "style:")
+        except UsageError as error:
+            raise ModelError(f"{campaign.source}: {error}") from None
+        PRINTED.set(PRINTED.get().over(looks))
+    plan = make_plan(campaign, read_inputs(campaign))
+    carry_out(plan, engine, request, shard=shard, max_runs=request.max_runs)
+
+
+def _check_measures(request: CampaignRequest) -> None:
+    """Refuse measures that are not known before the runs."""
+    if request.im:
+        from tdint.campaign.fragility.measures import run_measure
+
+        for name in request.im:
+            run_measure(name)
+
+
+def _status(request: CampaignRequest) -> None:
+    request.refuse(
+        *_OF_RUNS, "simcenter", "geojson", "partial", "output", "output_units", "overwrite", "plot", "limit", "by"
+    )
+    from tdint.campaign.store import check_chunks, open_existing
+    from tdint.output.tables.campaign import status_table
+
+    with open_existing(_folder(request)) as store:
+        check_chunks(store)
+        statuses, every = store.statuses(), int(store.meta("runs"))
+        done = sum(statuses.values())
+        emit_table(status_table(statuses, every - done))
+        say(f"{store.meta('name')}: {done} of {how_many(every, 'run')} done.")
+        for kind, reasons in store.unused().items():
+            if reasons:
+                warn(f"{how_many(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
+
+
+def _export(request: CampaignRequest) -> None:
+    request.refuse(*_OF_RUNS, "output", "partial")
+    from tdint.campaign.store import check_chunks, open_existing
+
+    folder = _folder(request)
+    with open_existing(folder, write=True) as store:
+        named = check_names(folder, request)
+        if not request.overwrite:
+            store.refuse_foreign(named)
+        check_chunks(store)
+        units = request.output_units or store.output_units()
+        profiles = Profiles(store, request, units)
+        export(
+            store,
+            folder,
+            simcenter=request.simcenter,
+            geojson=request.geojson,
+            units=units,
+            overwrite=request.overwrite,
+            profiles=profiles,
+        )
+        if unmet := profiles.tell():
+            raise Failures(unmet)
+
+
+def _merge(request: CampaignRequest) -> None:
+    request.refuse(*_OF_RUNS, "simcenter", "geojson")
+    folders = [Path(word) for word in request.words[1:]]
+    if not folders or request.output is None:
+        raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
+    from tdint.campaign.carry_out import merge
+    from tdint.campaign.store_schema import locked
+
+    target = Path(request.output)
+    with locked(target):
+        check_names(target, request)
+        refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
+        with merge(folders, target, partial=request.partial) as store:
+            units = request.output_units or store.output_units()
+            profiles = Profiles(store, request, units)
+            finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
+            _say_left(store, target)
+            if unmet := profiles.tell():
+                raise Failures(unmet)
+
+
+def _say_left(store: Store, target: Path) -> None:
+    every, done = int(store.meta("runs")), sum(store.statuses().values())
+    if done < every:
+        warn(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
+
+
+def _folder(request: CampaignRequest) -> Path:
+    if len(request.words) != 2:
+        raise UsageError(f"give one folder: tdint campaign {request.words[0]} DIR")
+    return Path(request.words[1])
+
+
+def _shard(text: str | None) -> Shard | None:
+    if text is None:
+        return None
+    from tdint.campaign.carry_out import Shard
+
+    first, slash, last = text.partition("/")
+    if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
+        return Shard(int(first), int(last))
+    raise UsageError(f"--shard is K/N with K from 1 to N, such as 2/8, got {text!r}")
+
+
+def _engine(request: CampaignRequest) -> Engine:
+    from tdint.campaign.carry_out import cluster, threads
+
+    far = _cluster(request)
+    if far is not None:
+        if request.jobs is not None:
+            raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
+        return cluster(far)
+    from tdint.system import processors
+
+    return threads(request.jobs or processors())
+
+
+def _cluster(request: CampaignRequest) -> Cluster | None:
+    from tdint.campaign.cluster import Cluster
+
+    if request.dask is None:
+        return None
+    return Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
+
+
+_ACTIONS: dict[str, Callable[[CampaignRequest], None]] = {"status": _status, "export": _export, "merge": _merge}

@@ -1,0 +1,426 @@
+"""`tdint chart`: what methods cost and how much they err on a building."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.analysis.defaults import PEAKS, QUANTITIES
+from tdint.errors import UsageError
+from tdint.model.plugins import peers
+from tdint.output import figures, tables
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
+from tdint_cli.options.grammar import FileName, Number
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.chart.problem import Problem
+    from tdint.analysis.chart.profiles import FieldChart, FieldProblem
+    from tdint.analysis.chart.work_precision import Chart, Point, Timing
+    from tdint.ground_motion.record import Record
+    from tdint.model.definition import Model
+    from tdint.output.figures.style import Figure
+    from tdint.output.summary import Advice
+
+TARGETS = tuple(QUANTITIES | PEAKS)
+MOST_STORIES = 10_000
+MOST_SECONDS = 1e6
+LIMITS = (0.01, 0.001)
+"""Errors for which a method and a step are recommended."""
+
+
+@options.request
+class Request(options.record.RecordRequest):
+    """The command line of `tdint chart`."""
+
+    outputs: Outputs
+    scale: tuple[float, ...] | None
+    models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1, type=FileName())
+    records: tuple[str, ...] = options.option(
+        "--record",
+        common=True,
+        heading=options.grammar.RECORD,
+        type=FileName(),
+        multiple=True,
+        metavar="FILE",
+        help="Ground motion in place of the model's; nothing that the model says of its own applies to it. Several: "
+        "each building under each of them.",
+    )
+    problems: str | None = options.option(
+        common=True,
+        type=FileName(),
+        metavar="standard|FILE",
+        help="In place of models many problems: the standard ones, twelve buildings under three records each, or those "
+        "of a YAML file.",
+    )
+    methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
+    steps: tuple[float, ...] | None = options.analysis.option(
+        "--dt",
+        type=Number(0.0, MOST_SECONDS, min_open=True),
+        many=True,
+        metavar="SECONDS,...",
+        common=True,
+        help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
+        "model's dt.",
+    )
+    halvings: int | None = options.analysis.option(
+        type=click.IntRange(0, 16),
+        metavar="COUNT",
+        common=True,
+        help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps "
+        "between; fewer times for very large buildings.",
+    )
+    stories: tuple[int, ...] | None = options.analysis.option(
+        type=click.IntRange(1, MOST_STORIES),
+        many=True,
+        metavar="COUNT,...",
+        common=True,
+        help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
+        "step unless --dt or --halvings is given.",
+    )
+    duration: float | None = options.analysis.duration
+    peers: bool = options.option(
+        is_flag=True,
+        common=True,
+        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+    )
+    repeat: int = options.option(
+        type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
+    )
+    target: str = options.option(
+        type=click.Choice(TARGETS),
+        default=TARGETS[0],
+        common=True,
+        help="The error that is drawn and, for one building, for which methods are recommended; peak-drift by default.",
+    )
+    versus: str = options.option(
+        needs="--plot",
+        type=click.Choice(["time", "steps", "solves", "dt"]),
+        default="time",
+        common=True,
+        help="Draw time (default), steps or solves over error, or error over dt.",
+    )
+    cache: bool = options.option(
+        "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
+    )
+
+    def of(self, model: str, record: str | None) -> BuildingRequest:
+        """One of the buildings under one of the motions."""
+        given = {field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)}
+        return BuildingRequest(**given, model=model, record=record, scale=self.scale, duration=self.duration)
+
+
+@options.command(
+    "chart",
+    "tdint chart office.yaml --method impulse4,newmark-average --dt 0.01",
+    "tdint chart office.yaml --method impulse4,newmark-average --dt 0.01 --plot=chart.png",
+)
+@options.analysis.plugin
+@options.record.of_motion
+@options.output.to_files(
+    "Write the table to this file instead of standard output, and a .json file beside it.",
+    picture=options.output.PICTURE,
+    in_units=False,
+)
+@options.of(Request)
+def command(request: Request) -> None:
+    """Time against accuracy: what methods cost and how much they err on a building.
+
+    Each method integrates the building with each step. MODEL.yaml is a model file, - is standard input. CSV: steps and
+    solves; processor time of the compiled loop alone, as `tdint run` without --history has it (peaks and energies
+    included, compilation not; wall time where the system's clock for it is coarse), the median and the least of the
+    repeats, in which all methods take turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step
+    (refused), diverged or not-converged, the last three with empty cells. Other programs (--peers) are named
+    program/method; their times are those of their analysis loops alone, the solves of scipy are evaluations of the
+    rate.
+
+    displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the whole history: root
+    of the sum of squares over all floors or stories and all common times, relative to the reference. Common times are
+    the samples of the record, or the steps' ends where these are further apart. peak_drift_error is the largest
+    relative error of a story's peak drift; stories whose peak is below a thousandth of the largest are left out.
+
+    The reference is computed, not assumed: by the exact method in linear buildings without floor forces, otherwise by
+    impulse4 with a very small step. A second method confirms it, and how far this is from it goes to standard error, to
+    the picture and to the .json file: smaller errors are not drawn. It is kept in TDINT_CACHE_DIR or the user's cache
+    folder. Standard error also tells the cheapest method and step for an error of 1 % and 0.1 %.
+
+    Several buildings or motions, or --problems: performance profiles. For each tolerance from 10 to 0.01 % and the
+    peaks of drift, absolute acceleration and total shear each method takes its cheapest step, of 16 samples to 1/16;
+    the table tells how many problems it solves within a factor of the least cost (Dolan and More 2002). The reference
+    is impulse4 with 32 steps a sample; where moment4, with up to 128, is farther from it than a fifth of a tolerance,
+    the problem is not judged there. --peers: OpenSeesPy, on one motion of each building that it can do.
+    """
+    if request.problems or len(request.models) > 1 or len(request.records) > 1:
+        _chart_many(request)
+        return
+    building = _check(request)
+    from tdint.analysis.run.run import model_record
+    from tdint.model.config.model_file import load_model
+
+    model = with_motion(load_model(building.model), building)
+    record = model_record(model)
+    if record:
+        warn(*(f"{record.source}: {warning}" for warning in record.warnings))
+    with progress_bar(request.outputs.table is None) as progress:
+        charts, left_out = _charts(request, model, record, progress)
+    advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
+    notes = [*_notes(request, charts, record), *left_out]
+    _deliver(request, charts, model, record, advice, notes)
+    say(*(_reference(request, chart) for chart in charts))
+    if advice:
+        _recommend(request, charts[0], advice)
+    note(*notes)
+    _tell_timing([chart.timing for chart in charts])
+    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in charts[0].peers))
+
+
+def _tell_timing(timings: Sequence[Timing]) -> None:
+    """How the marches were timed, and whether that was disturbed."""
+    from tdint.system import CLOCKS
+
+    worst = max(timings, key=lambda timing: timing.stretch or 0.0)
+    say(f"Times are {CLOCKS[worst.clock]}, {worst.told}, {worst.processor}.")
+    if worst.disturbed:
+        warn(
+            f"the marches took {worst.stretch:.3g} times their processor time on the wall: other work had the "
+            "processors, and what shares their caches slows the marches, too; time them again on a quiet machine"
+        )
+
+
+def _check(request: Request) -> BuildingRequest:
+    """The building and its motion, after what can be seen to fail was refused."""
+    if not request.models:
+        raise UsageError("give MODEL.yaml, or several, or --problems standard")
+    if request.target not in QUANTITIES:
+        raise UsageError(f"--target {request.target} is of many problems; of one it is {', '.join(QUANTITIES)}")
+    if request.steps and request.halvings is not None:
+        raise UsageError("--dt already gives the steps; leave out --halvings")
+    if request.stories and request.versus != "time":
+        raise UsageError(f"--versus {request.versus} draws one building; leave out --stories")
+    if request.stories and request.peers:
+        raise UsageError("--peers charts one building; leave out --stories")
+    if request.stories and peers():
+        raise UsageError("PEERS of a plug-in are charted for one building; leave out --stories")
+    building = request.of(request.models[0], request.records[0] if request.records else None)
+    check_motion(building)
+    return building
+
+
+def _chart_many(request: Request) -> None:
+    """Performance profiles over many problems."""
+    # What has nothing to act on
+    idle: dict[str, object] = {"--dt": request.steps, "--halvings": request.halvings, "--stories": request.stories}
+    idle |= {"--versus": request.versus != "time", "--no-cache": not request.cache}
+    if request.problems:
+        idle |= {"MODEL.yaml": request.models, "--record": request.records, "--scale": request.scale}
+        idle |= {"--duration": request.duration, "--units": request.units, "--component": request.component}
+    for name, value in idle.items():
+        if value:
+            raise UsageError(
+                f"{name} has nothing to act on with {'--problems' if request.problems else 'many problems'}"
+            )
+    if request.target not in PEAKS:
+        raise UsageError(f"--target {request.target} is of one problem; of many it is {', '.join(PEAKS)}")
+    if peers():
+        raise UsageError("PEERS of a plug-in are charted for one building")
+    # All of them
+    from tdint.analysis.chart.profiles import METHODS, measure_all
+    from tdint.output.summary import field_summary
+
+    given = _problems(request)
+    integrators = options.analysis.integrators(request.methods or METHODS)
+    with progress_bar(request.outputs.table is None) as progress:
+        chart = measure_all(given, integrators, repeats=request.repeat, peers=request.peers, progress=progress)
+    leaders = chart.leaders()
+    # Its table, its picture, and what to take of it
+    table, notes = tables.methods.profile_table(chart), _doubts(chart)
+    request.outputs.deliver(
+        table,
+        lambda: figures.comparison.profile_picture(chart, target=request.target),
+        lambda: field_summary(chart, notes=notes, meanings=table.meanings),
+    )
+    say(
+        f"{how_many(len(chart.measured), 'problem')}. Best overall (most within twice the least cost): "
+        f"{leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails least): {leaders.safest}."
+    )
+    note(*notes)
+    _tell_timing([chart.timing])
+    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers))
+
+
+def _problems(request: Request) -> list[FieldProblem]:
+    from tdint.analysis.chart.profiles import crossed, read_problems
+    from tdint.model.config.model_file import load_model
+
+    if request.problems:
+        return read_problems(request.problems)
+    models = []
+    for file in request.models:
+        model = load_model(file)
+        model = replace(model, analysis=replace(model.analysis, duration=request.duration or model.analysis.duration))
+        for record in request.records or (None,):
+            building = request.of(file, record)
+            check_motion(building)
+            models.append(with_motion(model, building))
+    return crossed(models, ())
+
+
+def _doubts(chart: FieldChart) -> list[str]:
+    """Problems whose references are not known well enough for all tolerances."""
+    found = []
+    for one in chart.measured:
+        known = {name: one.gap.of(name) for name in PEAKS if not one.judges(name, 1e-4)}
+        if known:
+            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in known.items())
+            found.append(
+                f"{one.name}, {one.motion}: the reference is known to {gaps}: not judged where that is too far"
+            )
+    return found
+
+
+def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
+    """The chart of the building, or of each number of stories; and what of the peers is left out."""
+    if not request.stories:
+        chart, left_out = _chart(request, model, record, progress)
+        return [chart], left_out
+    from tdint.analysis.chart.problem import stretched
+
+    charts = []
+    share = 1.0 / len(request.stories)
+    for done, count in enumerate(request.stories):
+        part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
+        charts.append(_chart(request, stretched(model, count), record, part)[0])
+    return charts, []
+
+
+def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
+    from tdint.analysis.chart.problem import ending_together, pose
+    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
+
+    problem = pose(model, record, duration=request.duration, dts=request.steps or ())
+    integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
+    steps = _steps(request, problem, len(integrators))
+    problem = ending_together(problem, steps)
+    own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+
+    def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
+        return [(one.point.line, one.point.dt) if one.point else None for one in _advice(request, points)]
+
+    chart = measure(
+        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=own
+    )
+    left_out: list[str] = []
+    others = part_of(progress, 0.2, 1.0)
+    if request.peers:
+        from tdint.analysis.chart.peers import with_peers
+
+        chart, left_out = with_peers(problem, chart, steps, repeats=request.repeat, progress=others)
+    if peers():
+        from tdint.analysis.chart.peers import with_plugins
+
+        chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
+        left_out = [*left_out, *more]
+    return chart, left_out
+
+
+def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
+    from tdint.analysis.chart.work_precision import default_steps, halved_steps
+
+    if request.steps:
+        return request.steps
+    if request.halvings is not None:
+        return halved_steps(problem, request.halvings)
+    return [problem.interval] if request.stories else default_steps(problem, methods, request.repeat)
+
+
+def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
+    from tdint.analysis.chart.work_precision import cheapest, ties
+    from tdint.output.summary import Advice
+
+    own = [point for point in points if tables.methods.PEER not in point.line]
+    return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
+
+
+def _peaks_at_start(request: Request, chart: Chart) -> bool:
+    """Whether the errors asked for are those of peaks that are there from the start, as in free vibration."""
+    motion = chart.reference.motion
+    peaks, start = motion.peak_drift, abs(motion.drift[0])
+    return request.target == "peak-drift" and bool((peaks <= 1.001 * start).all())
+
+
+def _deliver(
+    request: Request, charts: list[Chart], model: Model, record: Record | None, advice: list[Advice], notes: list[str]
+) -> None:
+    from tdint.output.summary import chart_summary
+
+    name, target = model.name, request.target
+    table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])
+
+    def draw() -> Figure:
+        if request.stories:
+            return figures.assessment.sizes_picture(charts, name=name, target=target)
+        return figures.assessment.chart_picture(charts[0], name=name, target=target, versus=request.versus)
+
+    def summarize() -> dict[str, Any]:
+        return chart_summary(
+            charts, model=model, record=record, target=target, advice=advice, notes=notes, meanings=table.meanings
+        )
+
+    request.outputs.deliver(table, draw, summarize)
+
+
+def _reference(request: Request, chart: Chart) -> str:
+    """How the reference was computed and how well it is known."""
+    reference = chart.reference
+    stories = how_many(chart.stories, "story")
+    gap = reference.gap.of(request.target)
+    return (
+        f"{stories}: the reference is {reference.method} with dt {reference.dt:.6g} s; {reference.confirmed_by} "
+        f"differs from it by {gap:.1e} ({request.target})."
+    )
+
+
+def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
+    def cost(point: Point) -> str:
+        error = point.error(request.target)
+        return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
+
+    for one in advice:
+        what = f"For {100.0 * one.limit:g} % ({request.target}): "
+        if one.point:
+            say(f"{what}{one.point.line} with dt {one.point.dt:.6g} s, {cost(one.point)}.")
+            if one.ties:
+                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in one.ties)
+                say(f"As cheap, to what the clock tells apart: {others}.")
+        else:
+            say(f"{what}none of these methods and steps; add smaller steps with --dt or --halvings.")
+    whose = "record" if chart.recorded else "model"
+    say(f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}.")
+
+
+def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
+    """What a person should know of the chart."""
+    from tdint.methods.catalogue import catalogue
+
+    notes = list(record.notes) if record else []
+    points = [point for chart in charts for point in chart.points]
+    coarse = dict.fromkeys(p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001)
+    skipping = [name for name in coarse if name not in catalogue()]
+    if record and skipping:
+        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record in {', '.join(skipping)}")
+    for label, outcome in dict.fromkeys((point.line, point.outcome) for point in points if not point.errors):
+        steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
+        notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
+    for chart in charts:
+        gap = chart.reference.gap.of(request.target)
+        if _peaks_at_start(request, chart):
+            notes.append("the largest drifts are those at the start, which no method misses: use --target drift")
+        if not gap < min(LIMITS):
+            notes.append(f"the reference is known to {gap:.1e} only: errors of that size are uncertain")
+    return notes

@@ -1,0 +1,153 @@
+"""`tdint check`: all that is wrong with model files, or what they are; nothing is run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
+from tdint.files import is_file
+from tdint_cli import options
+from tdint_cli.options.grammar import FileName
+from tdint_cli.terminal import Failures, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.overview import Overview
+    from tdint.units import OutputUnits
+
+_CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
+"""A key that campaign files have at the left margin, and models have not."""
+
+
+@options.command(
+    "check",
+    "tdint check office.yaml",
+    "tdint check --schema campaign",
+    exits={3: "a file has a fault", 5: "a method is not as it declares"},
+)
+@options.analysis.plugins(" Without models its methods are held to what they declare, in a table.")
+@click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
+@options.option(
+    "--schema",
+    is_flag=False,
+    flag_value="model",
+    type=click.Choice(["model", "campaign"]),
+    metavar="[model|campaign]",
+    common=True,
+    help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
+    "complete a file with it.",
+)
+@options.output.units
+def command(
+    models: tuple[str, ...], plugins: tuple[str, ...], schema: str | None, output_units: OutputUnits | None
+) -> None:
+    """What is wrong with model files, all at once, or what they are.
+
+    Each MODEL.yaml and the record that it names are read, its first mode is found, and nothing is run. Every fault is
+    reported with its line and column, those under misspelled keys, too; also an unknown method and a record that is
+    not there. What is unusual is told, from periods to peaks of ground motion: mostly a wrong unit. A table with a row
+    for each sound model goes to standard output: stories, height, mass, fundamental period and damping, drift laws,
+    method, record. A campaign file is checked with the models that it names. Exit code 3 if one of them has a fault, 4
+    if a record cannot be read.
+
+    With --plugin and no model the table has its methods: declared and observed order, stability limit and spectral
+    radius at infinity; exit code 5 if one is not as declared. With models that have its laws, these are put through
+    cycles of drift: force, tangent and energy must fit each other.
+    """
+    if schema:
+        if models or output_units:
+            raise UsageError(f"--schema takes no {'model' if models else '--output-units'}")
+        _print_schema(schema)
+        return
+    if plugins and not models:
+        _check_methods(plugins)
+        return
+    if not models:
+        raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
+    from tdint.analysis.run.overview import overview
+    from tdint.output.tables import buildings as columns
+    from tdint.output.tables.table import Table
+    from tdint.units import SI
+    from tdint_cli.drawing import emit_table
+
+    sound: list[Overview] = []
+    failures: list[TdintError] = []
+    waiting = list(models)
+    while waiting:
+        file = waiting.pop(0)
+        try:
+            named = _named_by(file)
+            sound += [overview(file)] if named is None else []
+            failures += _faults_of_laws(file, plugins) if named is None else []
+            waiting = [*(named or ()), *waiting]
+        except (ModelError, RecordError) as error:
+            failures.append(error)
+    for one in sound:
+        for text in one.warnings:
+            warn(f"{one.model.source}: {text}")
+    if sound:
+        emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
+    if failures:
+        raise Failures(failures)
+
+
+def _check_methods(plugins: tuple[str, ...]) -> None:
+    from tdint.analysis.assessment.order import check_method
+    from tdint.methods.catalogue import load_plugin, parse
+    from tdint.output.tables.methods import DECLARATION
+    from tdint.output.tables.table import Table
+    from tdint_cli.drawing import emit_table
+
+    found = [load_plugin(file) for file in plugins]
+    checks = [check_method(parse(method.name)) for methods, _ in found for method in methods]
+    if checks:
+        emit_table(Table.of_results(DECLARATION, checks))
+    if laws := [law.name for _, laws in found for law in laws]:
+        note(f"to check the laws ({', '.join(laws)}) give a model with them, too")
+    if faults := [AnalysisError(fault) for one in checks for fault in one.faults]:
+        raise Failures([*faults])
+
+
+def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
+    """What is wrong with the plug-ins' laws that a model has."""
+    if not plugins or file == "-":
+        return []
+    from tdint.analysis.assessment.order import check_law
+    from tdint.methods.catalogue import load_plugin
+    from tdint.model.config.model_file import load_model
+
+    names = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
+    model = load_model(file)
+    stories = {story.law: number for number, story in enumerate(model.stories, start=1) if story.law.name in names}
+    return [AnalysisError(f"{file}: {fault}") for number in stories.values() for fault in check_law(model, number)]
+
+
+def _named_by(file: str) -> tuple[str, ...] | None:
+    """The models that a campaign file names; None for a file that is none.
+
+    Raises
+    ------
+    ModelError
+        All that is wrong with the campaign file.
+    """
+    if file == "-" or not is_file(file) or not _CAMPAIGN.search(Path(file).read_bytes()):
+        return None
+    from tdint.campaign.definition import ModelFiles
+    from tdint.campaign.reader import load_campaign
+
+    campaign = load_campaign(file)
+    say(f"{file}: a campaign without a fault")
+    return campaign.buildings.files if isinstance(campaign.buildings, ModelFiles) else ()
+
+
+def _print_schema(kind: str) -> None:
+    from tdint.campaign.reader import campaign_schema
+    from tdint.model.config.model_file import model_schema
+    from tdint.output.summary import json_bytes
+    from tdint_cli.terminal import emit
+
+    schemas = {"model": model_schema, "campaign": campaign_schema}
+    emit(json_bytes(schemas[kind]()))

@@ -1,0 +1,278 @@
+"""`tdint compare`: a building's result beside what was recorded in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.grammar import FileName, Written, grid
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.terminal import note, say, warn
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.analysis.compare import Comparison, Event
+    from tdint.analysis.fit import Fit
+    from tdint.files import Content
+    from tdint.model.definition import Model
+    from tdint.units import OutputUnits
+    from tdint.written_numbers import Grid
+
+TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
+FITTED = "fitted.yaml"
+"""The files of a comparison."""
+
+PERIODS = "0.04:4:100"
+"""Of the spectra, s, where none are asked for."""
+
+_FEW = 8  # fitted values that are said; all are written
+
+
+def _requirement(text: str) -> tuple[str, float]:
+    """NAME=NUMBER: what the comparison of every floor must come to."""
+    from tdint.analysis.compare import parse_requirement
+
+    try:
+        return parse_requirement(text)
+    except UsageError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+@options.request
+class Request:
+    """The command line of `tdint compare`."""
+
+    model: str
+    recorded: str = options.option(
+        type=FileName(),
+        required=True,
+        metavar="FILE",
+        common=True,
+        help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, "
+        "shift.",
+    )
+    fit: tuple[str, ...] | None = options.option(
+        type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
+        many=True,
+        metavar="stiffness|stiffness-factor,damping",
+        common=True,
+        help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor "
+        "can tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
+        "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
+    )
+    blind: tuple[str, ...] | None = options.option(
+        needs="--fit",
+        type=FileName(),
+        many=True,
+        metavar="FILE,...",
+        common=True,
+        help="Compare other recordings, too, with the fitted values; adds the column recorded.",
+    )
+    require: tuple[tuple[str, float], ...] | None = options.option(
+        type=Written("requirement", _requirement),
+        many=True,
+        metavar="NAME=NUMBER,...",
+        common=True,
+        help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this "
+        "and its inverse, or an rms_difference of at most this.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.option(
+        type=float,
+        metavar="SECONDS",
+        help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
+        "method's error is not seen.",
+    )
+    damping: float = options.spectra.option(
+        needs="-o or --plot",
+        type=options.analysis.damping_ratio,
+        default=0.05,
+        metavar="RATIO",
+        common=True,
+        help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
+    )
+    periods: Grid | None = options.spectra.option(
+        needs="-o or --plot",
+        type=grid(),
+        metavar="FIRST:LAST:COUNT",
+        common=True,
+        help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
+    )
+    output: str | None = options.output.output(
+        "DIR|FILE.csv",
+        f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the "
+        f"fitted model {FITTED}, too; or the table to this file "
+        "and the others beside it, their names behind its name.",
+    )
+    plot: str | None = options.output.picture
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+
+    def file(self, name: str) -> Path:
+        """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
+        output = Path(self.output or "")
+        if output.suffix.lower() != ".csv":
+            return output / name
+        return output if name == TABLE else output.with_name(f"{output.stem}-{name}")
+
+    @property
+    def picture(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, self.file(TABLE) if self.output else None)
+
+    @property
+    def outputs(self) -> list[Path]:
+        """All files that are written."""
+        names = (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
+        return [*map(self.file, names), *([self.picture] if self.picture else [])]
+
+
+@options.command(
+    "compare",
+    "tdint compare office.yaml --recorded recorded.yaml",
+    "tdint compare office.yaml --recorded recorded.yaml --fit damping -o fitted",
+    exits={5: "--require is not met"},
+)
+@options.analysis.model
+@options.of(Request)
+def command(request: Request) -> None:
+    """A building's result beside what was recorded in it.
+
+    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names.
+    Several sensors of a floor are averaged. Each recording loses its offset (an acceleration its median, a
+    displacement, which may remain, what it is before the shaking), and the same filters without shift of phase,
+    forwards and backwards, take recording and result to the band. CSV, a row per floor: correlation, largest value
+    computed over that recorded, rms of the difference over that of the recording. With -o also the spectra of the
+    floors' absolute accelerations.
+    """
+    from tdint.analysis.compare import Event, compare
+    from tdint.analysis.fit import fit
+    from tdint.model.config.model_file import load_model
+    from tdint.model.recorded import load_recording
+    from tdint.output.tables.buildings import comparison_table
+
+    _check(request)
+    model = load_model(request.model)
+    units = request.output_units or model.output_units
+    model = replace(model, output_units=units)
+    files = [request.recorded, *(request.blind or ())]
+    recordings = [load_recording(file, len(model.stories)) for file in files]
+    events = [Event.of(recording) for recording in recordings]
+    fitted = fit(model, events[0], request.fit) if request.fit else None
+    best = fitted.model if fitted else model
+    comparisons = [compare(best, event, method=request.method, dt=request.dt) for event in events]
+    if not request.output:
+        emit_table(comparison_table(comparisons))
+    _write(request, model, comparisons, fitted, units)
+    _remark(comparisons, fitted, units)
+    _judge(request, comparisons)
+
+
+def _check(request: Request) -> None:
+    """Refuse, before any work, what can be seen to fail."""
+    if request.model == "-" and request.recorded == "-":
+        raise UsageError("standard input already holds the model; give the recordings as a file")
+    if request.picture:
+        check_picture(request.picture)
+    check_outputs(request.outputs, overwrite=request.overwrite)
+
+
+def _write(
+    request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
+) -> None:
+    from tdint.model.config.model_file import rewritten
+    from tdint.output.summary import comparison_summary, in_units, json_bytes
+    from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
+
+    periods = _periods(request, comparisons[0].event)
+    files: dict[Path, Content] = {}
+    if request.output:
+        files[request.file(TABLE)] = comparison_table(comparisons).csv()
+        spectra = comparison_spectra_table(comparisons, periods, request.damping)
+        files[request.file(SPECTRA)] = spectra.in_units(units).csv()
+        if fitted:
+            if text := rewritten(model, fitted.model, request.file(FITTED)):
+                files[request.file(FITTED)] = text.encode()
+            else:
+                note(f"{model.source}: cannot be written with other numbers; the fitted values are in {FIT} alone")
+            files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
+    if picture := request.picture:
+        draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
+        files[picture] = figures.style.picture(picture.suffix, draw)
+    if request.output:
+        summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
+        files[request.file(SUMMARY)] = json_bytes(in_units(summary, units))
+    if files:
+        write_files(files, overwrite=request.overwrite)
+
+
+def _periods(request: Request, event: Event) -> NDArray[np.float64]:
+    """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
+    from tdint.written_numbers import parse_grid
+
+    if request.periods:
+        return request.periods.values()
+    band = event.recording.band or (0.0, float("inf"))
+    periods = parse_grid(PERIODS).values()
+    chosen = periods[(periods * band[1] >= 1.0) & (periods * band[0] <= 1.0) & (periods >= 2.0 * event.base.dt)]
+    return chosen if chosen.size else periods[-1:]
+
+
+def _settings(request: Request) -> dict[str, Any]:
+    return {
+        "method": request.method,
+        "dt_s": request.dt,
+        "fit": list(request.fit or ()),
+        "blind": list(request.blind or ()),
+        "require": dict(request.require or ()),
+        "damping": request.damping,
+        "periods": str(request.periods) if request.periods else None,
+    }
+
+
+def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
+    """What was done, in a few sentences; then warnings and notes."""
+    from tdint.analysis.compare import absolute_displacements
+    from tdint.output.tables.buildings import fitted_in
+
+    acceleration, g = units.unit("m/s^2")
+    for one in comparisons:
+        event, run = one.event, one.response
+        band = event.recording.band
+        say(
+            f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
+            + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
+            + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
+            + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
+        )
+        warn(*event.warnings, *one.response.warnings, *absolute_displacements(one))
+    if fitted:
+        values = [fitted_in(one, units) for one in fitted.values]
+        changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in values]
+        more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
+        source = comparisons[0].event.recording.source
+        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
+    note(*dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)))
+    note(*(fitted.notes if fitted else ()))
+
+
+def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
+    """Raise AnalysisError for what does not come up to the requirements; all is written before."""
+    from tdint.analysis.compare import unmet
+
+    faults = [fault for one in comparisons for fault in unmet(one, request.require or ())]
+    if faults:
+        raise AnalysisError("; ".join(faults))

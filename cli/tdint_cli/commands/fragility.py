@@ -1,0 +1,247 @@
+"""`tdint fragility`: lognormal fragility functions fitted to a table of observations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.options.grammar import FileName, Number, span
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import Failures, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
+    from tdint.campaign.fragility.fits import Fragility
+
+_FITS = ("stripes", "ida", "cloud")
+_OF_FUNCTIONS = ("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "states")
+"""Options that a comparison of measures does not take."""
+
+SIGNIFICANT = 0.05
+"""P-value below which a slope is told."""
+
+
+_OF_OPENQUAKE = (
+    options.output.option(
+        "--openquake",
+        type=FileName(written=True),
+        metavar="FILE.xml",
+        common=True,
+        help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those "
+        "of types under their names.",
+    ),
+    options.output.option(
+        "--states",
+        type=click.STRING,
+        many=True,
+        needs="--openquake",
+        metavar="NAME,...",
+        common=True,
+        help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
+    ),
+)
+
+
+@options.request
+class Request:
+    """The command line of `tdint fragility`."""
+
+    openquake: str | None
+    states: tuple[str, ...] | None
+    outputs: Outputs
+    table: str = options.argument("TABLE.csv|DIR", type=FileName())
+    fit: str | None = options.option(
+        type=click.Choice(_FITS),
+        common=True,
+        help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
+        "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
+    )
+    threshold: tuple[float, ...] | None = options.studies.threshold(
+        help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
+    )
+    by: str | None = options.option(
+        type=click.Choice(["type", "building"]),
+        common=True,
+        help="A function for each type (class) of buildings of a campaign, or for each building, and each of its "
+        "damage states: DIR is the folder of a campaign with `damage`; of buildings --threshold may be given instead. "
+        "Standard errors are those of leaving out ground motions.",
+    )
+    edp_range: tuple[float, float] | None = options.option(
+        type=span,
+        metavar="LOW:HIGH",
+        common=True,
+        help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be "
+        "left out.",
+    )
+    im: tuple[str, ...] | None = options.option(
+        many=True,
+        type=click.STRING,
+        metavar="NAME,...",
+        common=True,
+        help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign "
+        "--im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both components. Several are compared, by "
+        "how well they tell the largest drift: another table.",
+    )
+    sufficiency: str | None = options.option(
+        needs="--im",
+        type=FileName(),
+        metavar="FILE.csv",
+        help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves "
+        "should not depend. Runs under one motion count as alike, or those of one event with a column `event`.",
+    )
+    beta_model: float = options.option(
+        type=Number(0.0, 10.0),
+        default=0.0,
+        metavar="BETA",
+        help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
+        "root of the sum of squares.",
+    )
+
+
+@options.command(
+    "fragility",
+    "tdint fragility stripes.csv",
+    "tdint fragility stripes.csv -o curve.csv --plot",
+)
+@options.output.to_files(
+    picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o "
+    "under its name.",
+    more=_OF_OPENQUAKE,
+)
+@options.of(Request)
+def command(request: Request) -> None:
+    """Fragility functions: the probability of exceedance over intensity.
+
+    TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud). It
+    may have threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`; --by
+    type fits the types of buildings of a campaign's damage states. CSV: median theta and dispersion beta of a lognormal
+    distribution for each threshold, with the standard errors of ln theta and beta from the information matrix. The
+    picture has 95 % confidence bands by the delta method.
+
+    With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift over ln IM of the
+    runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
+    slope of what is left with its p-value (sufficiency).
+    """
+    if request.im and len(request.im) > 1:
+        _compare(request, request.im)
+        return
+    if request.sufficiency:
+        raise UsageError("--sufficiency compares measures: give several with --im")
+    _fragility(request)
+
+
+def _compare(request: Request, measures: Sequence[str]) -> None:
+    from tdint.campaign.fragility.measures import compare_measures
+
+    outputs = request.outputs
+    others = {name: getattr(request, name) for name in _OF_FUNCTIONS}
+    for name, value in (others | {"plot": outputs.picture, "output_units": outputs.units}).items():
+        if value:
+            raise UsageError(f"--{name.replace('_', '-')} has no part in a comparison of measures; give one --im")
+    fits = compare_measures(request.table, measures, request.sufficiency)
+    outputs.deliver(tables.studies.comparison_of_measures(fits))
+    best = fits[0]
+    say(
+        f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {how_many(best.runs, 'run')}; "
+        f"{best.left_out} left out."
+    )
+    for one in best.dependences:
+        if one.p_value < SIGNIFICANT:
+            say(f"What it leaves depends on {one.characteristic}: slope {one.slope:.3g}, p {one.p_value:.2g}.")
+
+
+def _fragility(request: Request) -> None:
+    from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest
+
+    outputs, by = request.outputs, request.by
+    if by == "type" and request.states:
+        raise UsageError("--states is not for --by type: the states are those of the campaign")
+    if by and request.states and not request.threshold:
+        raise UsageError("--states names thresholds: give --threshold, or leave it out for the states of the campaign")
+    if request.edp_range is not None and request.fit not in (None, "cloud"):
+        raise UsageError("--edp-range is for --fit cloud")
+    model = [Path(request.openquake)] if request.openquake else []
+    check_outputs(model, overwrite=outputs.overwrite)
+    asked = FragilityRequest(
+        fit=request.fit,
+        thresholds=request.threshold or (),
+        edp_range=request.edp_range or EVERY_DEMAND,
+        beta_model=request.beta_model,
+        measure=request.im[0] if request.im else None,
+        states=(request.states or ()) if by else (),
+    )
+    result = _fitted(request.table, asked, by)
+    note(*result.notes)
+    warn(*result.warnings, *result.disagreements)
+    if not result.functions:
+        raise Failures(list(result.failures))
+    units = outputs.units
+    functions = [function.in_units(units) if units else function for function in result.functions]
+    for file in model:
+        _write_model(result.functions, file, request.states or (), outputs.overwrite)
+    replace(outputs, units=None).deliver(
+        tables.studies.fragility_table(
+            functions,
+            total=request.beta_model > 0.0,
+            states=tables.studies.FRAGILITY_BUILDING if by == "building" else tables.studies.FRAGILITY_STATES,
+        ),
+        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
+    )
+    say(*([_count(functions, by)] if by else map(_words, functions)))
+    warn(*map(str, result.failures))
+
+
+def _fitted(table: str, request: FragilityRequest, by: str | None) -> FragilityResult:
+    if by:
+        from tdint.campaign.fragility.fit_table import fit_types
+
+        return fit_types(Path(table), request, by)
+    from tdint.campaign.fragility.fit_table import fit_table
+
+    return fit_table(table, request)
+
+
+def _write_model(functions: Sequence[Fragility], file: Path, states: Sequence[str], overwrite: bool) -> None:
+    """Write the functions for OpenQuake; of types those that have one of every state."""
+    from tdint.output.tables.exports import STRENGTH, fragility_model, whole_types
+
+    if functions[0].im.startswith("sdi"):
+        warn(f"{file}: {STRENGTH}")
+    whole, partial = whole_types(functions) if functions[0].type else (functions, [])
+    warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
+    model = fragility_model(whole, file.stem, states)
+    write_files({file: model}, overwrite=overwrite)
+
+
+def _count(functions: Sequence[Fragility], by: str) -> str:
+    """How many functions of how many types or buildings, and by which fits."""
+    types = dict.fromkeys(function.type for function in functions)
+    fits = " and ".join(dict.fromkeys(function.fit for function in functions))
+    return f"{how_many(len(functions), 'function')} of {how_many(len(types), by)}: {fits}."
+
+
+def _words(function: Fragility) -> str:
+    """Median and dispersion with their 95 % intervals."""
+    name = f"{function.im or 'im'}"
+    what = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    if function.damage == function.damage:
+        what += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+    factor = math.exp(1.96 * function.theta_error)
+    unit = f" {function.unit}" if function.unit else ""
+    text = (
+        f"{what}{function.fit}, median {name} {function.theta:.4g}{unit} (95 %: {function.theta / factor:.4g} to "
+        f"{function.theta * factor:.4g}), beta {function.beta:.3f} +- {1.96 * function.beta_error:.3f}"
+    )
+    if function.beta_model:
+        text += f", total beta {function.beta_total:.3f}"
+    return text + (f"; {function.censored} of {function.records} censored." if function.censored else ".")

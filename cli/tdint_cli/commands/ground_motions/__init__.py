@@ -1,1 +1,0 @@
-"""Commands on ground motions."""

@@ -1,0 +1,360 @@
+"""`tdint ida`: incremental dynamic analysis of a building under many records."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint.system import processors
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.grammar import FileName, PairWish, Ratio, intensity, period
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.studies import pair_measure, read_suite
+from tdint_cli.terminal import Failures, note, progress_bar, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.ida import IdaSettings, IdaStudy
+    from tdint.campaign.ida_curve import Mainshock
+    from tdint.campaign.intensity import IntensityMeasure
+    from tdint.files import Content
+    from tdint.model.definition import Model
+    from tdint.units import OutputUnits, Units
+    from tdint.written_numbers import Grid
+
+RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
+_MEASURES = ("sa", "pga", "pgv", "sa-avg", "arias", "cav")
+_OFF_BALANCE = 0.01
+
+
+class _Measure(click.Choice):  # type: ignore[type-arg]
+    """A measure of levels; of another one it is said why there are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.campaign.intensity import WITHOUT_LEVELS
+
+        if reason := WITHOUT_LEVELS.get(value):
+            self.fail(f"{value}: {reason}; there are no levels of it", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+@options.request
+class IdaRequest(RecordsRequest):
+    """The command line of `tdint ida`."""
+
+    model: str
+    im: str = options.studies.option(
+        type=_Measure(_MEASURES),
+        default=_MEASURES[0],
+        common=True,
+        help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
+        "period, Arias intensity or CAV.",
+    )
+    period: float | None = options.studies.option(
+        needs="--im sa or sa-avg",
+        type=period,
+        metavar="T1|SECONDS",
+        common=True,
+        help="Period of sa and sa-avg; by default T1, the first one of the building.",
+    )
+    pairs: PairWish | None = options.studies.pairs(
+        "Take the two horizontal components of a motion together: both are run, at levels of this measure."
+    )
+    damping: float = options.studies.damping("--im sa or sa-avg")
+    average: Grid | None = options.studies.average("--im sa-avg")
+    max_im: Units | None = options.studies.option(
+        type=intensity("acceleration", "velocity"),
+        metavar="VALUE",
+        common=True,
+        help="The largest intensity, with its unit (3g): capacities above it are censored.",
+    )
+    precision: float = options.analysis.option(
+        type=Ratio(0.0, 0.5, min_open=True),
+        default=0.05,
+        metavar="5%",
+        common=True,
+        help="Bracket of the capacity against collapse; 5% by default.",
+    )
+    collapse_drift: float | None = options.analysis.option(
+        type=Ratio(0.0, min_open=True),
+        metavar="10%",
+        common=True,
+        help="Drift ratio over which the building has collapsed; by default the model's.",
+    )
+    threshold: tuple[float, ...] | None = options.studies.threshold(
+        help="Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's "
+        "damage states by drift_ratio, else 1%,2%,4%."
+    )
+    after: str | None = options.option(
+        needs="--damage",
+        type=FileName(),
+        metavar="MAIN",
+        help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, "
+        "which finds it at rest.",
+    )
+    damage: tuple[float, ...] | None = options.option(
+        needs="--after",
+        type=Ratio(0.0, min_open=True),
+        many=True,
+        metavar="2%,...",
+        help="Drift ratios to which the mainshock is scaled; a study for each.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
+    duration: float | None = options.analysis.duration
+    until_rest: bool = options.analysis.until_rest
+    check: bool = options.analysis.option(
+        is_flag=True,
+        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
+        "corrected_<name>.",
+    )
+    output: str | None = options.output.output(
+        "DIR",
+        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of "
+        "the same kind left.",
+    )
+    plot: str | None = options.output.plot(
+        "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png "
+        "into the folder of -o."
+    )
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    jobs: int | None = options.studies.threads
+
+    @property
+    def picture(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, Path(self.output) / RUNS if self.output else None)
+
+
+@options.command(
+    "ida",
+    "tdint ida office.yaml office-motion.txt",
+    "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
+)
+@options.analysis.model
+@options.record.of_records
+@options.of(IdaRequest)
+def command(request: IdaRequest) -> None:
+    """Incremental dynamic analysis: drift over intensity, up to collapse.
+
+    MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal components are taken,
+    each for itself, unless --component names one. Every record is scaled up by 1.5 until the building collapses, its
+    capacity bracketed, the curve filled where the drift changes by more than 20 %, and two levels tried above the
+    collapse, where a building may stand again (resurrection). A run that does not converge or diverges is repeated with
+    half the step, up to three times, and counts neither as standing nor as collapse if that does not help.
+
+    With --after and --damage the tables have a column damage, 0 for the intact building; `tdint fragility` fits each
+    state for itself. Drifts are then the largest in the aftershock, counted from where the building stood at first.
+
+    CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
+    drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
+    """
+    from tdint.campaign.ida import IdaSettings, ida
+    from tdint.model.config.model_file import load_model
+
+    folder = _folder(request)
+    model = load_model(request.model)
+    units = request.output_units or model.output_units
+    measure = _measure(request, model)
+    settings = IdaSettings(
+        precision=request.precision,
+        collapse_drift=request.collapse_drift,
+        max_im=_largest(request, measure),
+        dt=request.dt,
+        duration=request.duration,
+        until_rest=request.until_rest,
+        check=request.check,
+        thresholds=request.threshold or None,
+    )
+    suite = read_suite(request.records, request.choice, request.pairs)
+    with progress_bar(request.output is None) as tell:
+        study = ida(
+            model,
+            suite.motions,
+            measure,
+            settings,
+            method=request.method,
+            pair=pair_measure(request.pairs),
+            jobs=request.jobs or processors(),
+            folder=folder,
+            progress=lambda done, of: tell(f"records {done}/{of}", done / of),
+            mainshock=_mainshock(request),
+        )
+    if folder is None:
+        emit_table(tables.studies.capacity_table(study.in_units(units)))
+    _write(request, study, settings, units, [str(error) for error in suite.failures])
+    _report(study.in_units(units), request.precision)
+    if suite.failures:
+        raise Failures(suite.failures)
+
+
+def _mainshock(request: IdaRequest) -> Mainshock | None:
+    """What damages the building before, if anything does."""
+    from tdint.campaign.ida_curve import Mainshock
+
+    if request.after is None or not request.damage:
+        return None
+    suite = read_suite([request.after], request.choice, None)
+    if suite.failures:
+        raise suite.failures[0]
+    return Mainshock(tuple(suite.records), request.damage)
+
+
+def _folder(request: IdaRequest) -> Path | None:
+    """The folder of the study, ready to be written.
+
+    Raises
+    ------
+    OutputError
+        Files are in the way that were not made of its store, or that cannot be trusted.
+    """
+    from tdint.campaign.ida import STORE
+    from tdint.campaign.store import forget, open_written
+    from tdint.campaign.store_schema import locked
+
+    folder = Path(request.output) if request.output else None
+    picture = request.picture
+    if picture:
+        check_picture(picture)
+    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
+    outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
+    begun = folder / STORE if folder and (folder / STORE).exists() else None
+    check_outputs(outputs, overwrite=request.overwrite or begun is not None)
+    if begun and request.overwrite:
+        with locked(begun.parent):
+            forget(begun)
+    elif begun:
+        with open_written(begun) as store:
+            store.refuse_foreign(outputs)
+    return folder
+
+
+def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
+    """The intensity measure that is asked for."""
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.model.building import assemble
+
+    spectral = request.im.startswith("sa")
+    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
+    return options.studies.measure(request.im, period, request.damping, request.average)
+
+
+def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
+    """The largest intensity in the measure's unit, inf if none is asked for."""
+    import math
+
+    if request.max_im is None:
+        return math.inf
+    if (request.max_im.quantity == "velocity") != (measure.unit == "m/s"):
+        raise UsageError(f"--max-im {request.max_im.text}: {measure.name} is in {measure.unit}")
+    return request.max_im.scale
+
+
+def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
+    from tdint.campaign.ida import STORE
+    from tdint.campaign.store import open_written
+    from tdint.output.summary import (
+        in_units,
+        inputs_summary,
+        json_bytes,
+        model_input,
+        record_summary,
+        table_summary,
+    )
+
+    files: dict[Path, Content] = {}
+    shown = study.in_units(units)
+    if request.output:
+        written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
+        for name, table in written.items():
+            files[Path(request.output) / name] = table.in_units(units).csv()
+        said = {
+            "model": inputs_summary([model_input(study.model)])[0],
+            "method": study.method,
+            "intensity_measure": asdict(study.measure),
+            "pairs": study.pair,
+            **asdict(settings),
+            "thresholds": list(study.thresholds[:-1]),
+            **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
+            "collapse_drift": study.model.collapse_drift,
+        }
+        records = [record_summary(curve.record) for curve in study.states[0].curves]
+        meanings = {**written[RUNS].meanings, **written[CAPACITIES].meanings}
+        content = table_summary("ida", said, records, meanings)
+        content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
+        files[Path(request.output) / SUMMARY] = json_bytes(in_units(content, units))
+    if picture := request.picture:
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))
+        )
+    if not request.output:
+        write_files(files, overwrite=request.overwrite)
+        return
+    with open_written(Path(request.output) / STORE) as store:
+        if not request.overwrite:
+            store.refuse_foreign(files)
+        write_files(files, overwrite=True, tell=store.will_write)
+
+
+def _report(study: IdaStudy, precision: float) -> None:
+    """What came out, and what changes what the numbers mean."""
+    runs = [run for curve in study.curves for run in curve.runs]
+    if study.resumed == len(study.curves):
+        note("nothing to do: all records were done")
+    elif study.resumed:
+        note(f"{study.resumed} of {len(study.curves)} records were done before")
+    note(*study.remarks)
+    say(_words(study, len(runs)))
+    finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
+    if finer:
+        note(f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one")
+    again = sum(curve.resurrection for curve in study.curves)
+    if again:
+        note(
+            f"the building stands again at a level tried above its first collapse under {again} of {len(study.curves)} "
+            "records"
+        )
+    lost = sum(not (run.stable or run.collapsed) for run in runs)
+    if lost:
+        warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
+    known = [curve.collapse for curve in study.curves if not curve.collapse.censored]
+    wide = sum(not one.upper <= one.lower * (1.0 + precision) * (1.0 + 1e-9) for one in known)
+    if wide:
+        warn(f"{wide} of {len(known)} capacities are bracketed less closely than {100.0 * precision:g} %")
+    off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
+    if off:
+        warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
+
+
+def _words(study: IdaStudy, runs: int) -> str:
+    records = how_many(len(study.states[0].curves), "record")
+    text = f"{study.model.name}: {records}, {how_many(runs, 'run')} with {study.method}."
+    return "\n".join([text, *map(_median, study.states)])
+
+
+def _median(study: IdaStudy) -> str:
+    """The median capacity of a state."""
+    import numpy as np
+
+    from tdint.campaign.ida_curve import fractiles
+
+    count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
+    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    censored = sum(curve.collapse.censored for curve in study.curves)
+    known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
+    state = f", damaged to {100.0 * damage:g} %" if damage else ""
+    text = f"Median capacity against collapse{state}: {known}"
+    if count > 1 and low == low and high == high:
+        text += (
+            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
+        )
+    return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -1,0 +1,166 @@
+"""`tdint law`: the drift law of one story under imposed cycles of drift."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import UsageError
+from tdint.output import figures, tables
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.options.grammar import FileName, drift_size
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import say, say_table
+
+if TYPE_CHECKING:
+    from tdint.analysis.static import Cycle, CyclicTest
+    from tdint.units import DriftSize, OutputUnits
+
+_POINTS = 200
+
+
+@options.request
+class Request:
+    """The command line of `tdint law`."""
+
+    model: str
+    outputs: Outputs
+    story: int = options.option(
+        type=click.IntRange(min=1),
+        default=1,
+        metavar="NUMBER",
+        common=True,
+        help="The story to test, counted from the ground; 1 by default.",
+    )
+    drifts: tuple[DriftSize, ...] | None = options.option(
+        "--drift",
+        type=drift_size,
+        many=True,
+        once=False,
+        metavar="DRIFT,...",
+        common=True,
+        help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, "
+        "in, ft), or multiples of the yield drift (4dy).",
+    )
+    cycles: int | None = options.option(
+        type=click.IntRange(min=1), metavar="COUNT", common=True, help="Cycles of each amplitude; 1 by default."
+    )
+    points: int | None = options.option(
+        type=click.IntRange(min=1),
+        metavar="COUNT",
+        common=True,
+        help="Points of each quarter of a cycle; 200 by default.",
+    )
+    path: str | None = options.option(
+        type=FileName(),
+        metavar="FILE",
+        common=True,
+        help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
+        "standard input.",
+    )
+    units: str | None = options.option(
+        needs="--path",
+        type=click.Choice(["m", "dy"]),
+        common=True,
+        help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
+    )
+
+
+@options.command(
+    "law",
+    "tdint law office.yaml --story 1 --drift 1%,2%",
+    "tdint law office.yaml --drift 2% -o loop.csv --plot",
+)
+@options.analysis.model
+@options.output.to_files(picture=options.output.PICTURE)
+@options.of(Request)
+def command(request: Request) -> None:
+    """Cyclic test of one story: its force over imposed cycles of drift.
+
+    The story starts at rest; each cycle goes to the amplitude, to the same drift on the other side, and back to zero,
+    as in a slow test in a laboratory. Nothing else of the building and no time takes part. MODEL.yaml is a model file,
+    - is standard input. With --path it goes straight to each drift of a file, one row for each. CSV, one row per point:
+    drift; the story's shear as `tdint run` reports it, without dashpots, damping and P-delta; the same with the model's
+    P-delta (without p_delta in the model, equal); the law's tangent stiffness on the way to the point; the energy that
+    it stores and has dissipated. drift_ratio is empty without a height.
+
+    For the last cycle of each amplitude standard error tells the forces at its ends, the slope between these (secant
+    stiffness), the energy dissipated, and the equivalent viscous damping ratio, energy / (4 pi secant stiffness drift^2
+    / 2).
+    """
+    if request.path is None and not request.drifts:
+        raise UsageError("no drift: give --drift, or a path of drifts by --path")
+    if request.path is not None:
+        for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
+            if given:
+                raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
+        if request.path == request.model == "-":
+            raise UsageError("standard input already holds the model; give the path as a file")
+    from tdint.analysis.static import cyclic_test, path_test, read_drift_path
+    from tdint.model.config.model_file import load_model
+
+    each = request.cycles or 1
+    if request.path is None:
+        building = load_model(request.model)
+        test = cyclic_test(building, request.story, request.drifts or (), cycles=each, points=request.points or _POINTS)
+    else:
+        imposed = read_drift_path(request.path)
+        building = load_model(request.model)
+        test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
+    outputs = request.outputs.else_in(building.output_units)
+    shown = outputs.shown_units
+    outputs.deliver(tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, shown))
+    say(_paragraph(test, shown))
+    if request.path is None:
+        say_table([_header(shown), *(_row(test, cycle, shown) for cycle in test.cycles[each - 1 :: each])])
+    else:
+        say(_ends(test, shown))
+
+
+def _ends(test: CyclicTest, units: OutputUnits) -> str:
+    """Extremes of a path in a line."""
+    path = test.path
+    return (
+        f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
+        f"{units.text(path.drift.max(), 'm')}, forces from {units.of(path.shear.min(), 'N'):.4g} to "
+        f"{units.text(path.shear.max(), 'N')}, {units.text(path.dissipated[-1], 'J')} dissipated."
+    )
+
+
+def _header(units: OutputUnits) -> tuple[str, ...]:
+    length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
+    return (
+        "cycle", f"drift ({length})", "ratio", "ductility", f"force + ({force})", f"force - ({force})",
+        f"secant ({slope})", f"dissipated ({energy})", "damping ratio",
+    )  # fmt: skip
+
+
+def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
+    """The law and what the model says of it, in a sentence or two."""
+    from tdint.model.definition import LAWS
+
+    text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
+    text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
+    if not math.isnan(test.yield_drift):
+        text += f", yield drift {units.text(test.yield_drift, 'm')}"
+    if not math.isnan(test.yield_drift / test.height):
+        text += f" (drift ratio {test.yield_drift / test.height:.4g})"
+    if test.geometric_stiffness:
+        text += f", geometric stiffness of P-delta {units.text(test.geometric_stiffness, 'N/m')}"
+    return text + "."
+
+
+def _row(test: CyclicTest, cycle: Cycle, units: OutputUnits) -> tuple[str, ...]:
+    numbers = (
+        units.of(cycle.amplitude, "m"),
+        cycle.amplitude / test.height,
+        cycle.amplitude / test.yield_drift,
+        *(units.of(shear, "N") for shear in cycle.shear),
+        units.of(cycle.secant_stiffness, "N/m"),
+        units.of(cycle.dissipated, "J"),
+        cycle.damping_ratio,
+    )
+    return (str(cycle.number), *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers))

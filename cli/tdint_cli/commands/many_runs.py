@@ -1,0 +1,303 @@
+"""`tdint run` with several records or scales: a small campaign, a row for each run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import tables
+from tdint.system import processors
+from tdint.units import SI, OutputUnits
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.batch.campaigns import (
+    LIMIT,
+    REQUIRE,
+    Profiles,
+    SuiteRequest,
+    advance_with_bar,
+    carry_out,
+    check_names,
+    tell_outcomes,
+)
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
+from tdint_cli.options.grammar import BESIDE, FileName, Number, Ratio
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
+from tdint_cli.terminal import Failures, note, say
+
+if TYPE_CHECKING:
+    from tdint.campaign.plan import Plan
+    from tdint.files import Content
+    from tdint.ground_motion.reading.suites import SuiteMotion
+    from tdint.model.definition import Model
+
+
+# ---- The command line of `tdint run`, of one record and of several
+
+STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
+"""The files of a run. The summary is written last: where it says `done`, all is there."""
+
+
+@options.request
+class Request(BuildingRequest, SuiteRequest):
+    """The command line of `tdint run`."""
+
+    shocks: tuple[str, ...] = ()
+    """The records of a sequence; none for a run of one."""
+
+    records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
+    factors: str | None = options.record.option(
+        type=FileName(),
+        metavar="FILE",
+        help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+    )
+    sequence: bool = options.record.option(
+        is_flag=True,
+        common=True,
+        help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
+        "and over all. --scale takes one factor for all, or one for each.",
+    )
+    rest: float | None = options.record.option(
+        needs="--sequence",
+        type=Number(0.0),
+        metavar="SECONDS",
+        help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
+    duration: float | None = options.analysis.duration
+    until_rest: bool = options.analysis.until_rest
+    output: str | None = options.output.output(
+        "DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing."
+    )
+    history: str | None = options.output.option(
+        type=FileName(written=True),
+        metavar="[FILE]",
+        callback=options.output.refuse_empty,
+        common=True,
+        help=f"Also write every floor and story and the energies at every step: to this file (.csv, .csv.gz), or alone "
+        f"as {HISTORY} into the folder of -o.",
+    )
+    every: int = options.output.option(
+        needs="--history",
+        type=click.IntRange(1),
+        default=1,
+        metavar="COUNT",
+        help="Every so many steps of --history, from the first one; every step by default.",
+    )
+    export_floors: str | None = options.spectra.export_floors
+    plot: str | None = options.output.plot(
+        f"Also draw roof displacement, energies, drifts, the hysteresis of the worst story (drifts "
+        f"and shears of the others are columns of --history); of several records the profiles of all and "
+        f"their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
+    )
+    report: str | None = options.output.report
+    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    check: bool | None = options.analysis.option(
+        "--check/--no-check",
+        default=None,
+        common=True,
+        help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them "
+        "unasked, asked also in --history; with another method the run is repeated with a half and a quarter of the "
+        "step.",
+    )
+    tolerance: float | None = options.analysis.option(
+        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
+        metavar="1%",
+        common=True,
+        help="Take the largest step with which the estimated error of every peak drift is within this part of it: "
+        "from several sampling intervals of the record, or from --dt, down to a 256th. moment4 chooses its steps on "
+        "the way. The columns of --check are there, too.",
+    )
+    limit: float | None = LIMIT
+    require: bool = REQUIRE
+    allow_unstable: bool = options.analysis.option(is_flag=True, help="Run a method beyond its largest stable step.")
+    jobs: int | None = options.option(
+        type=click.IntRange(1, 1024),
+        metavar="N",
+        common=True,
+        help="Threads for several records or scales; one for each processor by default. The output does not depend on "
+        "it.",
+    )
+
+    def refuse_of_one(self) -> None:
+        """Raise UsageError for options of a single run.
+
+        Raises
+        ------
+        UsageError
+            One of them is given.
+        """
+        for name in ("history", "tolerance", "allow_unstable", "export_floors"):
+            if getattr(self, name):
+                raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
+        if self.every > 1:
+            raise UsageError("--every is for one record and one scale; call it once for each")
+        self.of_floors.check(self.output)
+
+    def check_sequence(self) -> None:
+        """Refuse what a sequence cannot have."""
+        count, factors = len(self.shocks), len(self.scale or (1.0,))
+        if count < 2:
+            raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
+        if "-" in self.shocks:
+            raise UsageError("the records of a sequence are files, not standard input")
+        if factors not in (1, count):
+            raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
+        for name in ("duration", "factors"):
+            if getattr(self, name) is not None:
+                raise UsageError(
+                    f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
+                )
+
+    def check_files(self) -> None:
+        """Refuse, before any work, what can be seen to fail."""
+        history = self.history_file
+        if self.limit is not None:
+            raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
+        self.of_floors.check(self.output, self.export_floors)
+        check_motion(replace(self, scale=None) if self.sequence else self)
+        picture = self.picture_file
+        if picture:
+            check_picture(picture)
+        report = Path(self.report) if self.report else None
+        outputs = [*self.in_folder(ALL_FILES), *filter(None, (picture, history, report))]
+        check_outputs(dict.fromkeys(outputs), overwrite=self.overwrite)
+
+    def in_folder(self, names: Sequence[str]) -> list[Path]:
+        """Files in the folder of -o, none without one."""
+        return [Path(self.output) / name for name in names] if self.output else []
+
+    @property
+    def picture_file(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, Path(self.output) / PICTURE if self.output else None)
+
+    @property
+    def history_file(self) -> Path | None:
+        """The file of the history, if one is asked for.
+
+        Raises
+        ------
+        UsageError
+            It has no name and there is no folder, or its name says another format.
+        """
+        if self.history is None:
+            return None
+        if self.history != BESIDE:
+            file = Path(self.history)
+            if not file.name.lower().endswith((".csv", ".csv.gz")):
+                raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
+            return file
+        if self.output is None:
+            raise UsageError("--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv")
+        return Path(self.output) / HISTORY
+
+    @property
+    def units_shown(self) -> OutputUnits:
+        """The units of all that is written."""
+        return self.output_units or SI
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the command line asked of the analysis; None where it is the model's."""
+        return {
+            "method": self.method,
+            "dt_s": self.dt,
+            "duration_s": self.duration,
+            "until_rest": self.until_rest,
+            "check": self.check,
+            "tolerance": self.tolerance,
+            "allow_unstable": self.allow_unstable,
+            **({"sequence": True, "rest_s": self.rest} if self.sequence else {}),
+            "floor_spectra": list(self.of_floors.floors or ()),
+        }
+
+
+# ---- Many runs
+
+
+def run_many(request: Request, records: tuple[str, ...]) -> None:
+    """Do the runs of a building under some records (those of the model without any) at some scales, or with the
+    factors of a file; the table goes to standard output, and with -o everything is kept in that folder as `tdint
+    campaign` keeps it."""
+    from tdint.campaign.carry_out import threads
+    from tdint.campaign.store import open_store
+    from tdint.model.config.model_file import load_model
+
+    if "-" in (request.model, *records):
+        raise UsageError("several records or scales take files, not standard input")
+    picture = request.picture(Path(request.output) if request.output else None)
+    report = Path(request.report) if request.report else None
+    if request.output is None:
+        request.named_files(None, overwrite=request.overwrite)
+    else:
+        check_names(Path(request.output), request)
+    model = load_model(request.model)
+    plan = _plan(request, records, model)
+    engine = threads(request.jobs or processors())
+    if request.output is not None:
+        carry_out(plan, engine, request, show=True)
+        return
+    store, _ = open_store(None, plan)
+    note(*plan.notes)
+    with store:
+        units = request.output_units or model.output_units
+        advance = advance_with_bar(plan, store, engine)
+        emit_table(tables.campaign.runs_table(store).in_units(units))
+        say(f"{how_many(advance.done, 'run')}.")
+        tell_outcomes(store)
+        profiles = Profiles(store, request, units)
+        more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
+        if report:
+            more[report] = profiles.report(plan)
+        if more:
+            write_files(more, overwrite=request.overwrite)
+        unmet = profiles.tell()
+    if plan.failures or unmet:
+        raise Failures([*plan.failures, *unmet])
+
+
+def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
+    from tdint.campaign.batch import RunSettings
+    from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, ModelFiles, RecordFiles
+    from tdint.campaign.inputs import Inputs, read_factors, read_motions
+    from tdint.campaign.motions import FoundMotions, Scales
+    from tdint.campaign.plan import make_plan
+
+    of_file = FactorsFile(request.factors) if request.factors is not None else None
+    table = read_factors(of_file) if of_file else None
+    campaign = CampaignFile(
+        name=model.name,
+        source=model.source,
+        buildings=ModelFiles((model.source,)),
+        records=(wanted := RecordFiles(records, request.choice)),
+        intensity=of_file or Scales(request.scale or (1.0,)),
+        analysis=AnalysisWishes(request.method),
+        settings=RunSettings(
+            request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
+        ),
+    )
+    found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model))
+    return make_plan(campaign, Inputs((model,), motions=found, factors=table))
+
+
+def _motions_of_model(request: Request, model: Model) -> tuple[SuiteMotion, ...]:
+    from tdint.analysis.run.run import model_record
+    from tdint.ground_motion.reading.suites import suite_motions
+
+    record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+    if record is None:
+        raise UsageError("--scale needs a record, the model has none: add a RECORD")
+    return suite_motions([record])

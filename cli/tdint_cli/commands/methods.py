@@ -1,0 +1,39 @@
+"""`tdint methods`: the catalogue as CSV."""
+
+from __future__ import annotations
+
+from tdint.errors import UsageError
+from tdint_cli import options
+
+
+@options.command(
+    "methods",
+    "tdint methods",
+    "tdint methods --bibtex",
+)
+@options.analysis.plugin
+@options.option("--references", is_flag=True, common=True, help="A row for each publication of each method, in full.")
+@options.option("--bibtex", is_flag=True, common=True, help="The publications as BibTeX, in place of the table.")
+def command(references: bool, bibtex: bool) -> None:
+    """The time-integration methods: parameters, order, stability, source.
+
+    If in doubt: impulse4, which is taken where none is named.
+
+    CSV on standard output: name, family, parameters with their defaults and ranges. Then, at the defaults, the order
+    for a smooth load, whether the method is implicit, the largest stable omega dt without damping (none: stable at any
+    step) and the spectral radius for omega dt to infinity.
+    """
+    from tdint.methods.catalogue import catalogue, parse
+    from tdint.output.tables.methods import method_table, reference_table
+    from tdint_cli.drawing import emit_table
+    from tdint_cli.terminal import emit
+
+    if references and bibtex:
+        raise UsageError("--references and --bibtex are given; leave one of the two out")
+    if bibtex:
+        from tdint.methods.references import references_of
+
+        found = dict.fromkeys(one for method in catalogue().values() for one in references_of(method))
+        emit("\n".join(one.bibtex for one in found).encode())
+        return
+    emit_table(reference_table(catalogue().values()) if references else method_table(map(parse, catalogue())))

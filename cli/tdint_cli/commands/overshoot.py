@@ -1,0 +1,100 @@
+"""`tdint overshoot`: the first steps of a method under a large step."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.output import figures, tables
+from tdint_cli import options
+from tdint_cli.options.grammar import Number
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import say, say_table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.stability import Overshoot
+    from tdint.methods.method import Integrator
+
+_MOST_STEPS = 100_000
+
+
+_DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
+"""A large step is far beyond that one's limit."""
+
+
+@options.command(
+    "overshoot",
+    "tdint overshoot --method wilson,hht",
+    "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
+)
+@options.analysis.plugin
+@options.analysis.all_methods
+@options.analysis.option(
+    "--dt-over-t",
+    type=Number(*options.analysis.DT_OVER_T),
+    default=10.0,
+    metavar="RATIO",
+    common=True,
+    help="Step over the undamped period; 10 by default.",
+)
+@options.analysis.option(
+    "--steps",
+    type=click.IntRange(1, _MOST_STEPS),
+    default=10,
+    metavar="COUNT",
+    common=True,
+    help="Steps to take; 10 by default.",
+)
+@options.analysis.option(
+    "--damping",
+    type=options.analysis.damping_ratio,
+    default=0.0,
+    metavar="RATIO",
+    common=True,
+    help="Damping ratio of the oscillator; 0 by default.",
+)
+@options.output.to_files(picture=options.output.PICTURE, more=[options.analysis.draw_all(_DRAWN)], in_units=False)
+def command(
+    methods: tuple[str, ...], dt_over_t: float, steps: int, damping: float, draw_all: bool, outputs: Outputs
+) -> None:
+    """First steps of methods under a large step, and how they grow with it.
+
+    An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0, 1). CSV: u / U and
+    v / (omega U) at the steps, with the amplitude U of the exact undamped motion: 1 for the first start, 1 / omega for
+    the second. The exact motion stays within -1 and 1; what lies outside is overshoot. The cells are empty after a
+    motion that ran away.
+
+    The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt goes to infinity,
+    from u = 1 and from dt v = 1. They go to standard error, too, with those of the exact motion: a method overshoots
+    where its power is larger. houbolt and park start with average acceleration; theirs are the powers of that start.
+    """
+    from tdint.analysis.assessment.stability import STARTS, overshoot
+
+    pairs = {
+        integrator: [overshoot(integrator, start, dt_over_t, steps, damping) for start in STARTS]
+        for integrator in options.analysis.integrators(methods)
+    }
+    motions = [motion for pair in pairs.values() for motion in pair]
+    shown = motions if draw_all or methods else options.analysis.drawn(motions, _DRAWN)
+    outputs.deliver(tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown))
+    _say_powers(pairs)
+
+
+def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
+    from tdint.analysis.assessment.stability import EXACT_POWERS, verdict
+
+    rows = [
+        ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),
+        ("exact motion", *(_power(power) for powers in EXACT_POWERS.values() for power in powers), ""),
+    ]
+    for integrator, pair in pairs.items():
+        powers = (_power(power) for motion in pair for power in (motion.displacement_power, motion.velocity_power))
+        rows.append((integrator.label, *powers, verdict(integrator, pair)))
+    say("Powers of omega dt in the first step, as omega dt goes to infinity:")
+    say_table(rows)
+
+
+def _power(value: float) -> str:
+    return "nothing" if value == -math.inf else f"{value + 0.0:.1f}".replace("-0.0", "0.0")

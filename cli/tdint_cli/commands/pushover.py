@@ -1,0 +1,107 @@
+"""`tdint pushover`: the base shear of a building over its roof displacement."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.output import figures, tables
+from tdint_cli import options
+from tdint_cli.options.grammar import drift_size
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.static import Pushover
+    from tdint.units import DriftSize, OutputUnits
+
+PATTERNS = ("first-mode", "uniform", "triangular")
+
+
+@options.command(
+    "pushover",
+    "tdint pushover office.yaml --drift 3% --plot=pushover.png",
+    "tdint pushover office.yaml --target asce7:sds=1.0,sd1=0.6,tl=8",
+)
+@options.analysis.model
+@options.option(
+    "--pattern",
+    type=click.Choice(PATTERNS),
+    default=PATTERNS[0],
+    common=True,
+    help="Forces on the floors: the masses times the first mode (by default), times 1, or times the height.",
+)
+@options.option(
+    "--drift",
+    type=drift_size,
+    default="4%",
+    metavar="DRIFT",
+    common=True,
+    help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
+)
+@options.option(
+    "--points",
+    type=click.IntRange(1, 100_000),
+    default=200,
+    metavar="COUNT",
+    common=True,
+    help="Steps of the roof displacement; 200 by default.",
+)
+@options.studies.target("The displacement to which a design spectrum pushes the building, in place of the curve")
+@options.output.to_files(picture=options.output.PICTURE)
+def command(model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs) -> None:
+    """Base shear of a building over its roof displacement, pushed slowly.
+
+    Forces of one pattern on the floors grow until the first story gives way, and fall as it does, to zero at the most.
+    The roof's displacement is led, through peaks and down falling branches, with the model's P-delta, without dashpots
+    and damping. MODEL.yaml is a model file, - is standard input. CSV, one row per step: displacement of the roof and
+    its ratio to the height, base shear, drifts of the stories. With --target one row per method and story: where a
+    design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the coefficient method (ASCE
+    41-17, site class D, C_m 1).
+    """
+    from tdint.analysis.static import pushover
+    from tdint.model.config.model_file import load_model
+
+    loaded = load_model(model)
+    result = pushover(loaded, drift, pattern=pattern, points=points)
+    outputs = outputs.else_in(loaded.output_units)
+    units = outputs.shown_units
+    if target is None:
+        outputs.deliver(
+            tables.buildings.pushover_table(result), lambda: figures.comparison.pushover_picture(result, units)
+        )
+        say(_words(result, units))
+        return
+    from tdint.analysis.target_displacement import target_displacements
+
+    reached = target_displacements(result, target)
+    outputs.deliver(
+        tables.buildings.target_table(tuple(reached)),
+        lambda: figures.comparison.target_picture(tuple(reached), units),
+    )
+    say(_words(result, units))
+    for made in reached:
+        say(
+            f"{made.method}: the roof at {units.text(made.roof_displacement, 'm')}, T {made.period:.4g} s, idealized "
+            f"yield {units.text(made.yield_force, 'N')} at {units.text(made.yield_displacement, 'm')}, strength ratio "
+            f"{made.strength_ratio:.3g}; largest drift in story {int(made.drift.argmax()) + 1}, "
+            f"{units.text(float(made.drift.max()), 'm')}."
+        )
+    for text in (note for made in reached for note in made.notes):
+        warn(text)
+
+
+def _words(result: Pushover, units: OutputUnits) -> str:
+    """Peak and end in a sentence each."""
+    last = -1
+    text = f"{result.model.name}, {result.pattern} pattern: largest base shear "
+    text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "
+    text += units.text(result.roof_at_largest, "m")
+    if not math.isnan(result.height):
+        text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
+    most = int(result.drift[last].argmax())
+    text += f".\nAt the end {units.text(result.base_shear[last], 'N')}; story {most + 1} has the largest drift, "
+    text += f"{units.text(result.drift[last, most], 'm')}."
+    return text + (f" It ends there: {result.ended}." if result.ended else "")

@@ -1,0 +1,415 @@
+"""`tdint run`: the response of a building in time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint import system
+from tdint.errors import UsageError
+from tdint.files import check_room, is_folder, write_files
+from tdint.output import figures, tables
+from tdint.units import OutputUnits
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.commands.many_runs import ALL_FILES, STORIES, SUMMARY, Request
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.analysis import with_motion
+from tdint_cli.terminal import complain, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.case import Case
+    from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
+    from tdint.files import Content
+    from tdint.ground_motion.record import Input, Record
+    from tdint.model.definition import Model
+    from tdint.output.tables.table import Table
+
+_STEPS_OF_A_PICTURE = 20_000
+_LEAST_BYTES = (6.0, 2.0)
+"""Of a number in a history, and in a packed one; 18 and 8 as a rule."""
+
+_TOLD = 5e-4
+"""Probability below which what may become of a building is not said."""
+
+
+@options.command(
+    "run",
+    "tdint run office.yaml",
+    "tdint run office.yaml --tolerance 1% -o out --history --plot",
+    exits={5: "the run failed, or with --require the limit is not kept"},
+)
+@options.analysis.model
+@options.record.of_record
+@options.spectra.of_floors
+@options.of(Request)
+def command(request: Request) -> None:
+    """Response of a building in time: the peaks of each story.
+
+    MODEL.yaml is a model file and RECORD a ground motion; one of them may be -, standard input. The
+    table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The options
+    under Record belong to the record if one is given, and otherwise replace what the model says of its record;
+    --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
+    run: those the new one does not write are removed.
+
+    With --sequence the records are shocks one after the other; the table has the stories once for each shock and once
+    for all.
+
+    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
+    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv,
+    profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
+    campaign status`, `export` and `merge` take; a call that was ended goes on.
+    """
+    if request.record is not None and request.records:
+        raise UsageError(f"--record {request.record} and {request.records[0]} are given; leave one of them out")
+    named = (request.record,) if request.record is not None else request.records
+    models = [one for one in named if one.lower().endswith((".yaml", ".yml"))]
+    if models:
+        raise UsageError(
+            f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same records are a "
+            f"campaign, `buildings: {{models: [{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
+        )
+    method = request.method
+    if method and "," in method and ":" not in method:
+        raise UsageError(
+            f"--method {method}: `tdint run` takes one; `tdint chart {request.model} --method {method}` compares "
+            "methods, and --history of a call for each gives their histories"
+        )
+    shocks = named if request.sequence else ()
+    scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
+    request = replace(request, record=named[0] if named else None, scale=scale, shocks=shocks)
+    if request.check is False and request.tolerance is not None:
+        raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
+    if request.sequence:
+        request.check_sequence()
+        _run(request)
+        return
+    if request.factors is not None and (request.scale or not named):
+        raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
+    if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
+        request.refuse_of_one()
+        from tdint_cli.commands.many_runs import run_many
+
+        run_many(request, named)
+    else:
+        _run(request)
+
+
+def _run(request: Request) -> None:
+    began = time.perf_counter()
+    from tdint.analysis.run.outcome import FailedRun
+    from tdint.analysis.run.run import model_record, prepare
+    from tdint.model.config.model_file import load_model
+    from tdint.output.summary import model_input
+
+    request.check_files()
+    model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
+    asked = request.output_units
+    model = replace(model, output_units=asked or model.output_units, page_units=asked or model.page_units)
+    request = replace(request, output_units=model.output_units)
+    request.of_floors.chosen_floors(len(model.stories))
+    if model.damage:
+        from tdint.campaign.fragility.type_states import own_type
+
+        own_type(model)  # refused now, not after the run
+    shocks = _shocks(model, request)
+    record = None if shocks else model_record(model)
+    inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
+    case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
+    if request.history and not (shocks or request.tolerance or request.until_rest):
+        _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
+    try:
+        response = _respond(case, shocks, request)
+        record = response.record
+    except FailedRun as failure:
+        _remark(record, failure.notes)
+        _write(request, {}, _summary_of_failure(request, failure, case, inputs, began))
+        raise
+    emit_table(_stories(request, response))
+    _write(request, *_files(request, response, case, inputs, began))
+    say(_paragraph(response, request.units_shown))
+    if response.collapse:
+        complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
+    warn(*response.warnings)
+    _remark(record, response.notes)
+
+
+def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+    from tdint.analysis.run.run import run_case
+
+    wanted: dict[str, Any] = {
+        "dt": request.dt,
+        "history": bool(request.of_floors.floors or request.export_floors),
+        "check": request.check,
+        "tolerance": request.tolerance,
+        "until_rest": request.until_rest,
+    }
+    if shocks:
+        from tdint.analysis.run.sequence import run_sequence
+
+        # The errors of each shock alone take repetitions: only of one who asked for them.
+        wanted["check"] = bool(request.check)
+        return run_sequence(case, shocks, rest=request.rest, **wanted)
+    # A history, which a picture draws, has rows that are equally far from each other.
+    equal = bool(request.history_file or request.picture_file or request.report)
+    return run_case(case, duration=request.duration, equal=equal, **wanted)
+
+
+def _shocks(model: Model, request: Request) -> list[Record]:
+    """The records of a sequence, scaled; none without one."""
+    from tdint.analysis.run.run import model_record
+
+    factors = request.scale or (1.0,)
+    if len(factors) == 1:
+        factors *= len(request.shocks)
+    found = []
+    for file, factor in zip(request.shocks, factors, strict=False):
+        record = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
+        assert record is not None
+        found.append(record)
+    return found
+
+
+def _remark(record: Record | None, notes: Sequence[str]) -> None:
+    if record:
+        warn(*(f"{record.source}: {text}" for text in record.warnings))
+    note(*notes)
+
+
+def _check_room(request: Request, stories: int, steps: int) -> None:
+    """Raise OutputError for a history that the disk cannot hold."""
+    if file := request.history_file:
+        columns = len(tables.buildings.history_columns(stories, bool(request.check)))
+        check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
+
+
+def _stories(request: Request, response: Response) -> Table:
+    """The table of stories, in the units asked for."""
+    return tables.buildings.response_table(response).in_units(request.units_shown)
+
+
+def _files(
+    request: Request, response: Response, case: Case, inputs: list[Input], began: float
+) -> tuple[dict[Path, Content], dict[str, Any]]:
+    """The files of a run but its summary and what writes them, and what the summary tells."""
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.output.run_summary import run_summary
+    from tdint.output.summary import merged_inputs
+
+    units = request.units_shown
+    files: dict[Path, Content] = {}
+    if request.output:
+        files[Path(request.output) / STORIES] = _stories(request, response).csv()
+    _check_room(request, len(response.model.stories), response.steps)
+    if (file := request.history_file) and (pieces := response.pieces):
+        # The error makes it half as large again: of one who asked for it.
+        kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
+        files[file] = lambda stream: tables.buildings.write_pieces(kept, stream, units)
+    if request.output:
+        of_floors, notes = request.of_floors.files(
+            response, Path(request.output), units, plot=request.plot is not None, export=request.export_floors
+        )
+        files |= of_floors
+        note(*notes)
+    if picture := request.picture_file:
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: figures.runs.run_picture(_thinned(response), units)
+        )
+    if not (request.output or request.report):
+        return files, {}
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, response.record)
+    content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
+    if request.report:
+        from tdint.files import READ
+        from tdint.output.report import Told, run_page
+
+        model = response.model
+        read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
+        told = Told(
+            said=_paragraph(response, model.page_units, page=True).splitlines(),
+            warnings=_warnings(response),
+            head=request.report_head or model.page_head,
+            inputs=merged_inputs(content["inputs"], read),
+        )
+        floors = request.of_floors.of_run(response)
+        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=model.page_units)
+    return files, content
+
+
+def _thinned(response: Response) -> Response:
+    """With a history of as many steps as a picture shows."""
+    from tdint.analysis.run.outcome import History
+
+    assert response.pieces is not None
+    if response.history is not None:
+        return response
+    pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
+    return replace(response, history=History.joined(pieces))
+
+
+def _warnings(response: Response) -> list[str]:
+    """What changes the meaning of a number."""
+    found = [_collapsed(response, response.collapse)] if response.collapse else []
+    record = response.record
+    if record is not None:
+        found += [f"{record.source}: {text}" for text in record.warnings]
+    return [*found, *response.warnings]
+
+
+def _summary_of_failure(
+    request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
+) -> dict[str, Any]:
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.output.run_summary import failure_summary
+
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, case.record)
+    settings = request.settings
+    return failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
+
+
+def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
+    """Write the files of this run, and in its folder last the summary, which lists those beside it: with --overwrite
+    what an earlier one lists is removed."""
+    from tdint.output.run_summary import UNITS
+    from tdint.output.summary import in_units, json_bytes, listed_files
+
+    if request.output is None:
+        write_files(files, overwrite=request.overwrite)
+        return
+    folder = Path(request.output)
+
+    def summary(digests: Mapping[Path, str]) -> bytes:
+        beside = [{"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every]
+        return json_bytes(in_units(content | {"files": beside}, request.units_shown, UNITS))
+
+    every = request.in_folder(ALL_FILES)
+    earlier = {folder / name: sha for name, sha in listed_files(folder / SUMMARY).items() if folder / name in every}
+    write_files(files, overwrite=request.overwrite, stale=earlier, last=(folder / SUMMARY, summary))
+    if left := [file.name for file in every if file not in files and file.name != SUMMARY and file.exists()]:
+        note(f"{folder}: {', '.join(left)}: not as an earlier run wrote it; left as it is")
+
+
+def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
+    """The run in a few sentences; on a page in percent, and without what it took."""
+    record = response.record
+    motion = "no ground motion"
+    if record is not None:
+        pga = units.of(record.pga, "m/s^2")
+        motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
+    clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
+    cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
+    lines = [
+        f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
+        f"{response.method}: {how_many(response.steps, 'step')} of {_lengths(response)} s, "
+        f"{cost}energy error {response.energy.error:.1e}.",
+        f"Largest {_largest(response.model, response.stories, units, page)}.",
+    ]
+    lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
+    if response.model.damage:
+        lines.append(_damage(response, units))
+    if response.rest_time is not None:
+        lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
+    if (check := response.check) and check.drift_error is not None:
+        runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        several = "runs" if len(check.dts) > 1 else "a run"
+        source = f"from {several} with dt {runs} s" if runs else "carried along in the run"
+        if check.choice is not None:
+            lines.append(_chosen(response, check.choice))
+        lines.append(
+            f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
+            f"{source}."
+        )
+        if check.corrected is not None and check.drift_left is not None:
+            left = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
+            lines.append(f"Corrected by it{left}: largest {_largest(response.model, check.corrected, units, page)}.")
+    return "\n".join(lines)
+
+
+def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False) -> str:
+    """The largest demands of a run; on a page the base shear with and without viscous forces, whatever damps."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(stories)
+    worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
+    if found.drift_ratio.place is not None:
+        value = f"{100.0 * found.drift_ratio.value:.4g} %" if page else f"{found.drift_ratio.value:.4g}"
+        ratio = f"drift ratio {value} in story {found.drift_ratio.place}"
+        # Where a story has no height, its drift is not among the ratios.
+        worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
+    viscous = ""
+    if page or any(story.dashpot or story.power_dashpot for story in model.stories):
+        viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
+    roof, base = units.text(found.roof_displacement.value, "m"), units.text(found.base_shear.value, "N")
+    return f"{worst}, roof displacement {roof}, base shear {base}{viscous}"
+
+
+def _damage(response: Response, units: OutputUnits) -> str:
+    """The damage that the model's states tell."""
+    from tdint.campaign.fragility.runs import damage_of_run
+    from tdint.model.damage_states import DEMANDS
+
+    found = damage_of_run(response.model, response.stories, response.status)
+    assert found is not None
+    states, demand = found.states, DEMANDS[found.states.demand]
+    value = f"{found.demand[0]:.4g}" if demand.unit == "1" else units.text(float(found.demand[0]), demand.unit)
+    shares = (
+        f"{outcome} {100.0 * probability:.3g} %"
+        for outcome, probability in zip(states.outcomes, found.probability[0].tolist(), strict=True)
+        if probability >= _TOLD
+    )
+    loss = f"; mean loss ratio {found.loss[0]:.3g}" if states.losses else ""
+    return f"Damage by {states.demand.replace('_', ' ')} {value}: {found.state[0]} ({', '.join(shares)}){loss}."
+
+
+def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
+    """A shock of a sequence, and what it has left."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(shock.stories)
+    drift, left = found.drift, found.residual_drift_ratio
+    worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
+    if left.place is not None:
+        worst, after = (
+            f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}",
+            f"{left.value:.3g} left",
+        )
+    return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
+
+
+def _lengths(response: Response) -> str:
+    """How long the steps are, s."""
+    if response.step_range is None:
+        return f"{response.dt:.6g}"
+    return "{:.6g} to {:.6g}".format(*response.step_range)
+
+
+def _chosen(response: Response, choice: StepChoice) -> str:
+    """The step that was chosen, and what it costs."""
+    if response.step_range is not None:
+        runs = "in one run" if choice.runs == 1 else f"in the last of {choice.runs} runs"
+        return (
+            f"Steps chosen on the way for peak drifts within {100.0 * choice.tolerance:g} %, {runs}: "
+            f"{response.dt:.3g} s on average.\nIt takes {response.iterations} solves."
+        )
+    line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
+    line += f"{response.dt:.6g} s"
+    if choice.samples is not None:
+        line += f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} of the record"
+    line += f".\nIt takes {response.iterations} solves"
+    if choice.solves_at_record is not None and choice.samples != 1.0:
+        line += f", the record's own step {choice.solves_at_record}"
+    return line + "."
+
+
+def _collapsed(response: Response, collapse: Collapse) -> str:
+    """When and where the building collapsed."""
+    end = "; the run ends there, for the drift ran away" if collapse.ended else ""
+    what = f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+    if collapse.failed:
+        what = f"story {collapse.story} carries nothing any more from"
+    return f"Status {response.status}: {what} {collapse.time:.6g} s{end}."

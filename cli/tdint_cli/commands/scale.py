@@ -1,0 +1,351 @@
+"""`tdint scale`: factors on ground motions, to a value of a measure or to a target spectrum."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.options.grammar import FileName, Number, PairWish, intensity, span_at
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.studies import pair_measure, read_suite
+from tdint_cli.terminal import Failures, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.scaling import Scaling
+    from tdint.ground_motion.reading.suites import GroundMotion
+    from tdint.units import OutputUnits, Units
+    from tdint.written_numbers import Grid
+
+_VALUES = ("sa", "sa_avg", "pga", "pgv", "arias", "cav")
+_RULES = ("mean", "asce7", "ec8")
+_BY_PERIOD = ("asce7", "ec8")
+_ACCELERATION = intensity("acceleration")
+
+
+@options.request
+class ScaleRequest(RecordsRequest):
+    """The command line of `tdint scale`."""
+
+    spectra: str | None
+    outputs: Outputs
+    target: str | None = options.studies.target("Scale to this spectrum")
+    range: Grid | None = options.option(
+        needs="--target",
+        type=span_at(100),
+        metavar="FIRST:LAST",
+        common=True,
+        help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all "
+        "of the target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
+    )
+    rule: str | None = options.option(
+        needs="--target",
+        type=click.Choice(_RULES),
+        common=True,
+        help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the "
+        "average of the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: "
+        "the mean spectrum is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN "
+        "1998-1:2004, 3.2.3.1.2).",
+    )
+    building: tuple[str, ...] | None = options.option(
+        needs="--target",
+        many=True,
+        type=FileName(),
+        metavar="MODEL.yaml,...",
+        common=True,
+        help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
+        "shortest to the longest.",
+    )
+    max_factor: float | None = options.option(
+        type=Number(0.0, min_open=True),
+        metavar="FACTOR",
+        common=True,
+        help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
+    )
+    sa: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa at the period --at: 0.6g."
+    )
+    sa_avg: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa_avg about the period --at."
+    )
+    at: float | None = options.option(
+        type=Number(0.0, min_open=True), metavar="SECONDS", common=True, help="Period of --sa and --sa-avg."
+    )
+    pga: Units | None = options.option(
+        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this peak ground acceleration: 0.4g."
+    )
+    pgv: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s."
+    )
+    arias: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s."
+    )
+    cav: Units | None = options.option(
+        type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+    )
+    p695: bool = options.option(
+        is_flag=True,
+        common=True,
+        help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
+        "median Sa of all components.",
+    )
+    pairs: PairWish | None = options.studies.pairs(
+        "Take the two horizontal components of a motion together, with one factor, by this measure of both."
+    )
+    damping: float = options.studies.damping("--target or --sa or --sa-avg or --plot")
+    average: Grid | None = options.studies.average("--sa-avg")
+
+    @property
+    def value(self) -> tuple[str, float] | None:
+        """The measure that a value is given of, and the value in SI units."""
+        given = [(name, value.scale) for name in _VALUES if (value := getattr(self, name)) is not None]
+        if len(given) > 1:
+            names = " and ".join(f"--{name.replace('_', '-')}" for name, _ in given)
+            raise UsageError(f"{names} are given; a motion is scaled to one value")
+        return given[0] if given else None
+
+    def check(self) -> None:
+        """Refuse what makes no sense together.
+
+        Raises
+        ------
+        UsageError
+            What to scale to is not said, or said twice; an option that has no part in it.
+        """
+        value = self.value
+        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695 or None)) if given]
+        if value and not self.p695:
+            aims.append(f"--{value[0].replace('_', '-')}")
+        if len(aims) != 1:
+            what = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
+            raise UsageError(
+                f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
+                "--arias, --cav, --p695"
+            )
+        if self.p695 and value and value[0] != "sa":
+            raise UsageError("--p695 is scaled on by --sa with --at")
+        needs_period = value is not None and value[0].startswith("sa")
+        by_period = self.rule in _BY_PERIOD and self.range is None
+        takes_period = needs_period or by_period
+        if needs_period and self.at is None:
+            raise UsageError(f"--{value[0].replace('_', '-') if value else ''} needs a period: add --at SECONDS")
+        if self.at is not None and not takes_period:
+            raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range")
+        if self.building and (self.at is not None or self.range is not None):
+            raise UsageError(
+                f"--building and --{'range' if self.at is None else 'at'} are given; leave one of them out"
+            )
+        if by_period and self.at is None and not self.building:
+            raise UsageError(
+                f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or --building, or --range"
+            )
+        if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
+            raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
+
+    @property
+    def pair_wish(self) -> PairWish | None:
+        """What is asked of pairs; None for single components."""
+        from tdint.ground_motion.horizontals import USUAL
+
+        return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
+
+    @property
+    def pair(self) -> str:
+        """What stands for a pair."""
+        return pair_measure(self.pairs)
+
+
+_SPECTRA = options.output.option(
+    "--spectra",
+    needs="--target",
+    type=FileName(written=True),
+    metavar="FILE",
+    callback=options.output.refuse_empty,
+    common=True,
+    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+)
+
+
+@options.command(
+    "scale",
+    "tdint scale office-motion.txt --sa 0.6g --at 0.8",
+    "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
+    exits={5: "a motion needs more than --max-factor"},
+)
+@options.analysis.plugin
+@options.record.of_records
+@options.output.to_files(
+    picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside "
+    "-o under its name.",
+    more=[_SPECTRA],
+)
+@options.of(ScaleRequest)
+def command(request: ScaleRequest) -> None:
+    """Factors that scale ground motions to a value or to a target spectrum.
+
+    CSV: one factor for each component, the same for both of a pair. RECORD is a file, or a folder for all records in
+    it; horizontal components are taken one by one unless --component names one, or together with --pairs: those of a
+    file, or of files that are named alike. A campaign takes the table as `factors`. With -o a JSON file beside the
+    table says what the records are and how the factors came about.
+
+    A record that fails does not keep the others from being done, unless the factors depend on the whole set (--p695,
+    --rule asce7 and ec8).
+    """
+    from hashlib import sha256
+
+    from tdint.output.summary import record_summary, table_summary
+
+    request.check()
+    outputs, units = request.outputs, request.outputs.shown_units
+    spectra = [Path(request.spectra)] if request.spectra else []
+    check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
+    aim = _aim(request)
+    suite = read_suite(request.records, request.choice, request.pair_wish)
+    if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
+        raise Failures(suite.failures)
+    scaling = aim(suite.motions)
+    _check_factors(request, scaling)
+    table = tables.studies.factor_table(scaling)
+
+    def summarize() -> dict[str, Any]:
+        records = [record_summary(record) for record in suite.records]
+        content = table_summary("scale", _settings(request, scaling), records, table.meanings)
+        return content | {"warnings": _doubts(scaling), "factors_sha256": sha256(table.csv()).hexdigest()}
+
+    outputs.deliver(table, lambda: figures.collapse.suite_picture(scaling, units), summarize)
+    if spectra:
+        content = tables.studies.scaled_table(scaling).in_units(units).csv()
+        write_files({spectra[0]: content}, overwrite=outputs.overwrite)
+    say(_words(scaling, units))
+    warn(*_doubts(scaling))
+    if suite.failures:
+        raise Failures(suite.failures)
+
+
+def _aim(request: ScaleRequest) -> Any:
+    """What scales a suite as the command line asks; the target is read and compared with the periods before."""
+    from tdint.campaign import scaling
+
+    value = request.value
+    if request.p695:
+        return lambda motions: scaling.scale_p695(
+            motions, request.at, value[1] if value else None, damping=request.damping
+        )
+    if request.target is None:
+        assert value is not None
+        name, number = value
+        measure = options.studies.measure(name, request.at, request.damping, request.average)
+        return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
+    from tdint.analysis.spectra.target import read_target
+    from tdint.written_numbers import Grid
+
+    target = read_target(request.target)
+    if request.range is not None:
+        grid = request.range
+    elif request.at is not None:
+        grid = Grid(0.2 * request.at, 2.0 * request.at, 100)
+    elif request.building:
+        first = _first_periods(request.building)
+        grid = Grid(0.2 * min(first), 2.0 * max(first), 100)
+    else:
+        grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
+    periods = grid.values()
+    target.at(periods)
+    if target.damping is not None and abs(target.damping - request.damping) > 1e-9:
+        raise UsageError(
+            f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "
+            f"{100.0 * request.damping:g} %; say the same by --damping"
+        )
+    if request.rule == "asce7":
+        return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
+    pair = request.pair
+    scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
+    return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
+
+
+def _first_periods(files: tuple[str, ...]) -> list[float]:
+    """The first periods of buildings, s."""
+    from math import tau
+
+    from tdint.model.building import assemble
+    from tdint.model.config.model_file import load_model
+
+    return [tau / assemble(load_model(file)).first_mode()[0] for file in files]
+
+
+def _check_factors(request: ScaleRequest, scaling: Scaling) -> None:
+    """Raise AnalysisError for motions that need a larger factor than is allowed."""
+    if request.max_factor is None:
+        return
+    larger = scaling.beyond(0.0, request.max_factor)
+    if larger:
+        named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
+        raise AnalysisError(f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite")
+
+
+def _doubts(scaling: Scaling) -> list[str]:
+    """What a reviewer would ask about a suite."""
+    from tdint.campaign.scaling import BOUNDS, FEW
+
+    doubts = []
+    if scaling.rule == "ec8" and len(scaling.motions) < FEW:
+        doubts.append(f"{len(scaling.motions)} of the {FEW} motions that a mean needs at least")
+    if scaling.target is not None and (beyond := scaling.beyond(*BOUNDS)):
+        named = ", ".join(f"{name} {factor:.4g}" for name, factor in beyond[:5])
+        named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
+        doubts.append(f"factors beyond {BOUNDS[0]:g} to {BOUNDS[1]:g}, the bounds of common practice: {named}")
+    return doubts
+
+
+def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
+    """What the factors depend on beside the records."""
+    periods = scaling.periods
+    return {
+        "rule": scaling.rule,
+        "measure": scaling.measure.name if scaling.measure else None,
+        "value": scaling.value,
+        "unit": scaling.measure.unit if scaling.measure else None,
+        "target": request.target,
+        "building": list(request.building or ()),
+        "max_factor": request.max_factor,
+        "periods_s": None if periods is None else [float(periods[0]), float(periods[-1]), int(periods.size)],
+        "damping": scaling.damping,
+        "pairs": scaling.pair if request.pair_wish else None,
+        "least_average_over_target": scaling.least[0] if scaling.least else None,
+    }
+
+
+def _words(scaling: Scaling, units: OutputUnits) -> str:
+    """What was scaled to what, and the factors."""
+    import numpy as np
+
+    factors = scaling.factors
+    count = len(factors)
+    what = "record" if _single(scaling.motions[0]) else "pair"
+    text = how_many(count, what)
+    if scaling.rule == "p695":
+        text += " normalized by peak velocity"
+    if scaling.measure is not None and scaling.value is not None:
+        of = "median " if scaling.rule == "p695" else ""
+        text += f" scaled to {of}{scaling.measure.name} = {units.text(scaling.value, scaling.measure.unit)}"
+    if scaling.target is not None and scaling.periods is not None:
+        text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
+    text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
+    if scaling.least is not None:
+        part, period = scaling.least
+        spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
+        text += f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, at {period:.4g} s."
+    return text
+
+
+def _single(motion: GroundMotion) -> bool:
+    from tdint.ground_motion.record import Record
+
+    return isinstance(motion, Record)

@@ -1,0 +1,135 @@
+"""`tdint sensitivity`: how much the parameters of a building move its peaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import digest_of, note_input
+from tdint.output import figures
+from tdint.system import processors
+from tdint.written_numbers import how_many, parse_ratio
+from tdint_cli import options
+from tdint_cli.options.grammar import FileName
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.terminal import Failures, note, say
+
+
+def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH, several with commas between them."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in (part for one in texts for part in one.split(",")):
+        name, ends = (part.strip() for part in text.partition("=")[::2])
+        low, colon, high = ends.partition(":")
+        try:
+            both = (parse_ratio(low), parse_ratio(high)) if name and colon else None
+        except UsageError:
+            both = None
+        if both is None or not both[0] < both[1]:
+            raise UsageError(f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2")
+        found[name] = both
+    return found
+
+
+@dataclass(frozen=True)
+class Request(RecordsRequest):
+    """What the command line says of the records, and of what is varied."""
+
+    ranges: dict[str, tuple[float, float]]
+    method: str | None
+    dt: float | None
+
+
+@options.command(
+    "sensitivity",
+    "tdint sensitivity office.yaml office-motion.txt --vary damping=2%:5%",
+    "tdint sensitivity office.yaml office-motion.txt --vary mass_factor=0.9:1.1 -o mass.csv --plot",
+)
+@options.analysis.plugin
+@click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
+@options.record.of_records_if_any
+@options.option(
+    "--vary",
+    "ranges",
+    multiple=True,
+    callback=_ranges,
+    metavar="NAME=LOW:HIGH,...",
+    common=True,
+    help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a factor "
+    "of one story, 'story 3.stiffness_factor'.",
+)
+@options.analysis.method
+@options.analysis.dt
+@options.output.to_files(picture=options.output.PICTURE)
+def command(building: str, outputs: Outputs, **given: Any) -> None:
+    """How much each parameter of a building moves its peaks.
+
+    MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its low and its high
+    value. CSV, for each peak the parameters in the order of what they do: the medians over the records, and the swing
+    between both ends over the peak of the building as it is. With --plot a tornado for each peak.
+
+    With the folder of a campaign that has `vary` in place of the model, the rank correlations (Spearman) of what was
+    varied with the medians of the peaks.
+    """
+    request = Request(**given)
+    if Path(building).is_dir():
+        if request.records or request.ranges or outputs.picture:
+            raise UsageError("a campaign has its records and its sweep: leave out RECORD, --vary and --plot")
+        _ranks(building, outputs)
+        return
+    if not request.records or not request.ranges:
+        raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
+    _one_at_a_time(building, request, outputs)
+
+
+def _ranks(building: str, outputs: Outputs) -> None:
+    from tdint.campaign.sensitivity import rank_correlations
+    from tdint.campaign.store import check_chunks, open_existing
+    from tdint.output.tables.studies import CORRELATIONS
+    from tdint.output.tables.table import Table
+
+    with open_existing(Path(building)) as store:
+        check_chunks(store)
+        note_input(store.name, lambda: digest_of(Path(store.name)))
+        found = rank_correlations(store)
+    outputs.deliver(Table.of_results(CORRELATIONS, found))
+
+
+def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
+    from tdint.campaign.carry_out import threads
+    from tdint.campaign.definition import RecordFiles
+    from tdint.campaign.inputs import read_motions
+    from tdint.campaign.sensitivity import plan_of, swings
+    from tdint.campaign.store import open_store
+    from tdint.model.config.model_file import load_model
+    from tdint.output.tables.studies import SWINGS
+    from tdint.output.tables.table import Table
+    from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
+
+    model = load_model(building)
+    motions = read_motions(RecordFiles(request.records, request.choice))
+    plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
+    store, _ = open_store(None, plan)
+    note(*dict.fromkeys(plan.notes))
+    with store:
+        advance = advance_with_bar(plan, store, threads(processors()))
+        tell_outcomes(store)
+        found = swings(store, model.name, request.ranges)
+
+    outputs = outputs.else_in(model.output_units)
+    outputs.deliver(
+        Table.of_results(SWINGS, found),
+        lambda: figures.runs.sensitivity_picture(found, outputs.shown_units),
+    )
+    first = found[0]
+    say(
+        f"{how_many(advance.done, 'run')}. {first.parameter} moves the peak drift ratio most, by "
+        f"{100.0 * first.swing:.3g} % of it."
+    )
+    if plan.failures:
+        raise Failures([*plan.failures])

@@ -1,0 +1,644 @@
+"""Kinds of values that options take: numbers in a range, ratios, lists of them, grids, names that complete."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
+
+import click
+from click.core import ParameterSource
+from click.shell_completion import CompletionItem
+
+from tdint.errors import UsageError
+from tdint.files import keep_input
+from tdint.units import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    MASS,
+    OutputUnits,
+    Units,
+    parse_drift,
+    parse_output_units,
+    parse_units,
+)
+from tdint.written_numbers import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
+from tdint_cli.terminal import Settings, emit
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.horizontals import PairNames
+
+    ValueType = click.ParamType[Any]
+else:
+    ValueType = click.ParamType  # generic for a type checker alone: click before 8.4 knows no brackets
+
+
+class Number(click.FloatRange):
+    """A number in a range; nan, infinity and what cannot be computed with are in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number", param, ctx)
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            self.fail(f"{value}: its size must lie between {SMALLEST:g} and {LARGEST:g}", param, ctx)
+        return number
+
+
+class Ratio(Number):
+    """A ratio in a range: 0.05 or 5%."""
+
+    name = "ratio"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            ratio = parse_ratio(value)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+        try:
+            return super().convert(ratio, param, ctx)
+        except click.BadParameter as error:
+            if 1.0 <= ratio < 100.0 and "%" not in value:
+                self.fail(f"{error.message.rstrip('.')}; did you mean {value}%?", param, ctx)
+            raise
+
+
+class Nonzero(Number):
+    """A number other than zero."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if number == 0.0:
+            self.fail("must be a number other than zero", param, ctx)
+        return number
+
+
+class ListOf(ValueType):
+    """Values of one type with commas between them."""
+
+    def __init__(self, one: ValueType) -> None:
+        self.one = one
+        self.name = one.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[Any, ...]:
+        if isinstance(value, tuple):
+            return value
+        parts = value.split(",") if isinstance(value, str) else [value]
+        return tuple(self.one.convert(part.strip() if isinstance(part, str) else part, param, ctx) for part in parts)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Complete what stands after the last comma."""
+        head, comma, last = incomplete.rpartition(",")
+        items = self.one.shell_complete(ctx, param, last)
+        return [CompletionItem(head + comma + item.value, type=item.type, help=item.help) for item in items]
+
+
+class OutputUnitsType(ValueType):
+    """Units of the output, with commas between them."""
+
+    name = "units"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:
+        return parse_output_units(value) if isinstance(value, str) else value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Complete what stands after the last comma."""
+        head, comma, last = incomplete.rpartition(",")
+        names = (*FORCE, *LENGTH, *MASS, *ACCELERATION)
+        return [CompletionItem(f"{head}{comma}{name}") for name in names if name.startswith(last)]
+
+
+class Written(ValueType):
+    """What people write in a form of its own, such as 0.2:2:50, as `read` understands it.
+
+    Parameters
+    ----------
+    name : str
+        What it is.
+    read : callable
+        Gives the value of a text; click.BadParameter, or UsageError, for one that is none.
+    """
+
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self.read = read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return self.read(value) if isinstance(value, str) else value
+
+
+def grid(low: float = 0.0, high: float = math.inf) -> Written:
+    """FIRST:LAST:COUNT, or a single number, within limits."""
+
+    def read(text: str) -> Grid:
+        try:
+            found = parse_grid(text)
+        except UsageError as error:
+            raise click.BadParameter(str(error)) from None
+        if not low <= found.first <= found.last <= high:
+            raise click.BadParameter(f"{text!r} leaves the range {low:g} to {high:g}")
+        return found
+
+    return Written("grid", read)
+
+
+def span_at(count: int) -> Written:
+    """FIRST:LAST, at so many numbers in equal ratios, or FIRST:LAST:COUNT."""
+
+    def read(text: str) -> Any:
+        if ":" not in text:
+            raise click.BadParameter(f"{text!r} is no range; write FIRST:LAST, such as 0.2:2")
+        return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
+
+    return Written("range", read)
+
+
+def _span(text: str) -> tuple[float, float]:
+    try:
+        low, high = (part.strip() for part in text.split(":"))
+        both = (parse_ratio(low) if low else 0.0, parse_ratio(high) if high else math.inf)
+    except (ValueError, UsageError):
+        raise click.BadParameter(f"{text!r} is not LOW:HIGH, such as 0.001:0.1") from None
+    if not 0.0 <= both[0] < both[1]:
+        raise click.BadParameter(f"{text!r}: LOW must be below HIGH, and not negative")
+    return both
+
+
+def _period(text: str) -> float | None:
+    if text.strip().upper() == "T1":
+        return None
+    return float(Number(0.0, min_open=True).convert(text, None, None))
+
+
+span = Written("span", _span)
+"""LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
+
+period = Written("period", _period)
+"""A period in s, or T1 for None: the first one of the building."""
+
+drift_size = Written("drift", parse_drift)
+"""A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
+
+
+def intensity(*quantities: str) -> Written:
+    """A peak or a pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2', 40cm/s."""
+    example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
+
+    def read(text: str) -> Units:
+        try:
+            units = parse_units(text)
+        except UsageError:
+            units = None
+        if units is None or not units.has_factor or units.quantity not in quantities:
+            raise click.BadParameter(f"{text!r}: write a number with its unit, such as {example}")
+        return units
+
+    return Written("intensity", read)
+
+
+def _pair_names(text: str) -> PairNames:
+    from tdint.ground_motion.horizontals import PairNames
+
+    return PairNames.parse(text)
+
+
+pair_names = Written("names", _pair_names)
+"""How the files of a pair are named: two names with {}."""
+
+
+class PairsType(ValueType):
+    """What stands for a pair of components, how their files are named ({}_N.AT2,{}_E.AT2), or both."""
+
+    name = "pairs"
+
+    def __init__(self, measures: Sequence[str]) -> None:
+        self.measures = click.Choice(measures)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.ground_motion.horizontals import USUAL, PairNames
+
+        if not isinstance(value, str):
+            return value
+        measures = [part for part in value.split(",") if "{}" not in part]
+        if len(measures) > 1:
+            self.fail(f"{value!r}: one of {', '.join(self.measures.choices)}, and two names with {{}}", param, ctx)
+        measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
+        names = PairNames.parse(",".join(part for part in value.split(",") if "{}" in part)) if "{}" in value else USUAL
+        return PairWish(measure, names)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Complete what stands for a pair."""
+        return self.measures.shell_complete(ctx, param, incomplete)
+
+
+@dataclass(frozen=True)
+class PairWish:
+    """What stands for a pair of components, None where nobody said, and how their files are named."""
+
+    measure: str | None
+    names: PairNames
+
+
+class Name(ValueType):
+    """A text, and the names that it completes to; they are asked for only then, and may take a while to load."""
+
+    name = "text"
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.names = names
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The names that begin so."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+
+class FileName(ValueType):
+    """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
+
+    What is not `written` is read, and so never replaced by what the command writes.
+    """
+
+    name = "file"
+
+    def __init__(self, *, folder: bool = False, written: bool = False) -> None:
+        self.kind = "dir" if folder else "file"
+        self.written = written
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not self.written:
+            keep_input(value)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Leave it to the shell."""
+        return [CompletionItem(incomplete, type=self.kind)]
+
+
+# ---- Options stand in the help of a command under headings: whose they are, not the order of declaration
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Kind = TypeVar("Kind")
+
+_OPTIONS: dict[type[Any], Sequence[Callable[[Any], Any]]] = {}
+"""Of each request."""
+
+OWN, RECORD, SPECTRUM, INTENSITY = "Options", "Record", "Spectrum", "Intensity"
+ANALYSIS, OUTPUT, GENERAL = "Analysis", "Output", "General"
+ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
+"""The headings in the order of the help; `OWN` is for what is peculiar to one command."""
+
+
+BESIDE = "\0"
+"""The value of such an option alone; no file has such a name."""
+
+_NAMES = {
+    "--plot": re.compile(r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL),
+    "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
+}
+"""What follows such an option and names its file; pictures that cannot be are refused later, in words."""
+
+
+class HeadedOption(click.Option):
+    """An option that knows its heading, without which others of the command line it has nothing to act on, and whether
+    it is `common`: shown by --help, too, and not by --help-all only."""
+
+    def __init__(
+        self, *arguments: Any, heading: str = OWN, needs: str = "", common: bool = False, **settings: Any
+    ) -> None:
+        super().__init__(*arguments, **settings)
+        self.heading = heading
+        self.needs = needs
+        self.common = common
+
+
+if TYPE_CHECKING:
+
+    class _Value(Any):  # type: ignore[misc]
+        """In a request a declaration stands for the value that is given."""
+else:
+    _Value = object
+
+
+@dataclass(frozen=True)
+class Declaration(_Value):
+    """An option or an argument: what declares it of a command, or of a field of its request (`request`).
+
+    Attributes
+    ----------
+    declare : callable
+        `click.option` or `click.argument`.
+    names : tuple of str
+        As click takes them; in a request they may be left out.
+    settings : dict
+        What click is told of it.
+    behind : sequence of callable
+        What is declared with it, behind it; no field has their values.
+    """
+
+    declare: Any
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+    behind: Sequence[Callable[[Any], Any]] = ()
+
+    def __call__(self, command: Function) -> Function:
+        return with_options((self.declare(*self.names, **self.settings), *self.behind), command)
+
+    def of_field(self, name: str) -> Declaration:
+        """The same for a field of a request, which names what has no name, and is what the command gets it as."""
+        flags = [flag for flag in self.names if flag.startswith("-")]
+        if not flags and self.declare is click.option:
+            flags = [f"--{name.replace('_', '-')}"]
+        return replace(self, names=(*flags, name))
+
+
+def option(
+    *names: str,
+    heading: str = OWN,
+    common: bool = False,
+    many: bool = False,
+    needs: str = "",
+    once: bool = True,
+    behind: Sequence[Callable[[Any], Any]] = (),
+    **settings: Any,
+) -> Declaration:
+    """As `click.option`, under a heading.
+
+    `common`: most people type it, so that `COMMAND --help` shows it, with the first clauses of
+    its help; all others stand in `--help-all` alone. A command has at most `COMMON` of them, and its help at most
+    `LINES` lines: what is declared once for many commands is common in all of them.
+
+    `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
+    several, or one with one of these values, its default among them. Given alone the option is refused.
+
+    `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once
+    (or, without `once`, as they are), as a tuple, or None if there is none.
+    """
+    if many:
+        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
+    return Declaration(
+        click.option,
+        names,
+        settings | {"cls": HeadedOption, "heading": heading, "needs": needs, "common": common},
+        behind,
+    )
+
+
+def argument(metavar: str, **settings: Any) -> Declaration:
+    """As `click.argument`, of a field of a request."""
+    return Declaration(click.argument, (), settings | {"metavar": metavar})
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def request(kind: type[Kind]) -> type[Kind]:
+    """A command line as a frozen dataclass: a field whose default is an option is given by it (`of`), in the order of
+    the fields, others by what else the command has."""
+    declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declaration)}
+    for name in declared:
+        delattr(kind, name)
+    made = dataclass(frozen=True, kw_only=True)(kind)
+    _OPTIONS[made] = tuple(value.of_field(name) for name, value in declared.items())
+    return made
+
+
+def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options that are declared in a request, not in those it is derived from; the command gets the request, or
+    among others by a name."""
+
+    def declared(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def collected(**given: Any) -> Any:
+            if not among:
+                return command(kind(**given))
+            own = {one.name: given.pop(one.name) for one in fields(kind)}
+            return command(**given, **{among: kind(**own)})
+
+        return with_options(_OPTIONS[kind], collected)
+
+    return declared
+
+
+def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:
+    """The command with options, in their order."""
+    for declared in reversed(tuple(declarations)):
+        command = declared(command)
+    return command
+
+
+def _each(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
+    return tuple(value for values in lists for value in values) or None
+
+
+def _each_once(ctx: click.Context, option: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> Any:
+    return tuple(dict.fromkeys(_each(ctx, option, lists) or ())) or None
+
+
+def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
+    """A command line in which every option of these has its value: the next word if that is such a name or empty."""
+    result: list[str] = []
+    words = iter(enumerate(arguments))
+    for i, word in words:
+        if word == "--":
+            return [*result, *arguments[i:]]
+        if word not in _NAMES or word not in options:
+            result.append(word)
+            continue
+        following = arguments[i + 1] if i + 1 < len(arguments) else BESIDE
+        if following == "" or _NAMES[word].fullmatch(following):
+            next(words)
+            result.append(f"{word}={following}")
+        else:
+            result.append(f"{word}={BESIDE}")
+    return result
+
+
+class HelpAsData(click.Command):
+    """A command whose help goes where its data go, with the same errors."""
+
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.callback = _show_help
+        return option
+
+
+def _show_help(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        emit(f"{ctx.get_help()}\n".encode("utf-8", "replace"))
+        ctx.exit()
+
+
+COMMON, LINES = 20, 60
+"""Of `COMMAND --help`: so many options and, on 80 columns, lines at most. It is read on one screen."""
+
+
+class Command(HelpAsData):
+    """A command with help in two levels and the options that every command has.
+
+    `--help` shows the first two sentences of its function's docstring, `examples`, the options declared as `common` and
+    `exits`, what an exit code means here; `--help-all` the whole docstring and all options under their headings.
+    """
+
+    def __init__(
+        self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
+    ) -> None:
+        settings["params"] = [*(settings.get("params") or ()), *general(), _help_all()]
+        super().__init__(name, **settings)
+        self.examples = examples
+        self.exits = exits or {}
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what most people ask for, on one screen."""
+        self.format_usage(ctx, formatter)
+        with formatter.indentation():
+            formatter.write_paragraph()
+            formatter.write_text(" ".join(_SENTENCE.split(" ".join((self.help or "").split()))[:2]))
+        with formatter.section("Examples"):
+            formatter.write("".join(f"  {example}\n" for example in self.examples))
+        common = [option for option in self.params if getattr(option, "common", False)]
+        with formatter.section("Options"):
+            formatter.write_dl([_brief(option, ctx) for option in sorted(common, key=_place)])
+        if self.exits:
+            with formatter.section("Exit codes"):
+                formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
+        with formatter.indentation():
+            formatter.write_paragraph()
+            formatter.write_text(f"All options, and more of what it does: {ctx.command_path} --help-all")
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
+        own = {name for parameter in self.params for name in parameter.opts}
+        _refuse_swallowing(self.params, own, args)
+        rest = super().parse_args(ctx, with_named_files(args, own))
+        if not ctx.resilient_parsing:
+            _refuse_idle(ctx, self.params)
+        return rest
+
+    def all_help(self, ctx: click.Context) -> str:
+        """All that there is to say, the options in a section for each heading."""
+        formatter = ctx.make_formatter()
+        super().format_help(ctx, formatter)
+        return formatter.getvalue().rstrip("\n")
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, a section for each heading."""
+        write_options(self.get_params(ctx), ctx, formatter)
+
+
+def _refuse_swallowing(options: Sequence[click.Parameter], names: Collection[str], words: Sequence[str]) -> None:
+    """Raise UsageError for an option behind one that wants a value, which click would take for the value."""
+    valued = {name for one in options if isinstance(one, click.Option) and not one.is_flag for name in one.opts}
+    for word, following in pairwise(words):
+        if word == "--":
+            return
+        if word in valued and word not in _NAMES and following in names:
+            raise UsageError(f"{word} needs a value, and {following} is an option")
+
+
+_SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
+_CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
+_ENOUGH = 100
+"""Letters of an option's help to which another clause or sentence is still added: two lines beside its name."""
+
+
+def _place(option: click.Parameter) -> int:
+    return ORDER.index(getattr(option, "heading", GENERAL))
+
+
+def _brief(option: click.Parameter, ctx: click.Context) -> tuple[str, str]:
+    """Names and value of an option, and the beginning of its help, which is enough to remember it by."""
+    record = option.get_help_record(ctx)
+    assert record is not None and isinstance(option, click.Option)
+    text, *more = _CLAUSE.split(option.help or "")
+    for clause in more:
+        if len(text) + len(clause) > _ENOUGH:
+            break
+        text += f" {clause}"
+    return record[0], text if text.endswith(".") else f"{text.rstrip(';')}."
+
+
+def _help_all() -> click.Option:
+    """The option that shows all that `--help` leaves out."""
+
+    def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+        if wanted and not ctx.resilient_parsing:
+            assert isinstance(ctx.command, Command)
+            emit(f"{ctx.command.all_help(ctx)}\n".encode("utf-8", "replace"))
+            ctx.exit()
+
+    text = "Show all options, and what the command does in detail, and exit."
+    return HeadedOption(
+        ["--help-all"], heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=show, help=text
+    )
+
+
+def _refuse_idle(ctx: click.Context, parameters: Sequence[click.Parameter]) -> None:
+    """Raise UsageError for an option that is given without what it needs: it would be passed over in silence."""
+    named = {name: one for one in parameters for name in (*one.opts, (one.metavar or "").strip("[]."))}
+    for option in parameters:
+        needs = getattr(option, "needs", "")
+        if needs and _is_given(ctx, option) and not _is_met(ctx, needs, named):
+            name = option.opts[-1]
+            raise UsageError(f"{name} has nothing to act on without {needs}; add it, or leave {name} out")
+
+
+def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
+    # To click before 8.2 an argument of any number of values, given none, comes from the command line, too.
+    name = parameter.name or ""
+    return ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
+
+
+def _is_met(ctx: click.Context, needs: str, named: Mapping[str, click.Parameter]) -> bool:
+    """Whether one of the needed options is given or, where values are named, has one of them."""
+    words = needs.split(" or ")
+    name, _, value = words[0].partition(" ")
+    if value:
+        return ctx.params[named[name].name or ""] in (value, *words[1:])
+    return any(_is_given(ctx, named[word]) for word in words)
+
+
+def command(
+    name: str, *examples: str, exits: Mapping[int, str] | None = None
+) -> Callable[[Callable[..., Any]], Command]:
+    """Make a function a command of this name; two `examples` that run beside what `tdint init office.yaml` writes, and
+    the `exits` that mean something special."""
+    return click.command(name, cls=Command, examples=examples, exits=exits)
+
+
+def write_options(parameters: list[click.Parameter], ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Write the help of options, a section for each heading."""
+    sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
+    for parameter in parameters:
+        record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
+        if record is not None:
+            sections[getattr(parameter, "heading", GENERAL)].append(record)
+    for heading, records in sections.items():
+        if records:
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
+
+def general() -> list[click.Parameter]:
+    """The options that every command has."""
+    return [
+        _setting(["-q", "--quiet"], "quiet", "Say nothing but warnings that change what a number means, and errors."),
+        _setting(["--debug"], "debug", "Show a traceback with an error."),
+    ]
+
+
+def _setting(names: list[str], field: str, text: str) -> HeadedOption:
+    """A flag that sets a field of the settings, before or after the command's name."""
+
+    def switch(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+        if wanted:
+            setattr(ctx.ensure_object(Settings), field, True)
+
+    return HeadedOption(
+        names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=switch, help=text
+    )

@@ -1,0 +1,545 @@
+"""Many problems: what each method costs on each of them for an error, and its performance profile over all (Dolan and
+More 2002, Benchmarking optimization software with performance profiles, Mathematical Programming 91:201-213).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tdint.analysis.chart.problem import Errors, Problem, Reference, ending_together, pose
+from tdint.analysis.chart.work_precision import (
+    Peer,
+    PerformanceProfile,
+    Point,
+    Progress,
+    Timing,
+    line_of,
+    performance_ratios,
+    silent,
+    suited,
+    within,
+)
+from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
+from tdint.analysis.run.run import model_record
+from tdint.arrays import Array
+from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import chosen, parse
+from tdint.methods.method import Integrator
+from tdint.model.config.model_file import model_of, model_within, record_within
+from tdint.model.damage_states import DONE
+from tdint.model.definition import Model, RecordSource
+from tdint.model.keys.document import SourceText, read_document
+from tdint.model.keys.fields import Section, Value
+from tdint.tabular import Tabular
+from tdint.written_numbers import how_many
+
+METHODS = (
+    "impulse4",
+    "moment4",
+    "gauss4",
+    "newmark-average",
+    "newmark-linear",
+    "central-difference",
+    "hht",
+    "generalized-alpha",
+    "wilson",
+    "bathe",
+    "impulse",
+    "exact",
+)
+"""Methods that are measured unless some are asked for: ours, and those that programs have."""
+
+TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
+
+PARTS = (16.0, 12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16)
+"""Steps over the record's interval: halvings, and some between, for with these alone costs would come by twos."""
+
+PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
+
+_SMALL = 1e-3  # stories whose peak is below this part of the largest do not count, as in `problem.errors`
+_FINE = 32  # parts of the interval that the reference steps with
+_FINER = (32, 128)  # and the second method: the latter where the former does not confirm it
+_SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
+_NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
+_FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
+_REPEATS = 3
+
+
+@dataclass(frozen=True)
+class PeakErrors:
+    """Largest relative errors of the peaks of all stories: drift, absolute acceleration, total shear. Stories whose
+    peak is below a thousandth of the largest one are left out."""
+
+    peak_drift: float
+    peak_acceleration: float
+    peak_total_shear: float
+
+    def of(self, quantity: str) -> float:
+        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
+        return float(getattr(self, quantity.replace("-", "_"), math.nan))
+
+    @property
+    def worst(self) -> float:
+        """The largest of all."""
+        return float(max(astuple(self)))
+
+    @classmethod
+    def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
+        """Of some peaks against those that are true."""
+        return cls(*(_largest(getattr(peaks, name), getattr(true, name)) for name in PEAKS))
+
+
+def _largest(peaks: Array, true: Array) -> float:
+    counted = true > _SMALL * np.max(true)
+    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
+
+
+@dataclass(frozen=True)
+class FieldProblem:
+    """One of many problems: a building under a motion, their names, and why it is one of them."""
+
+    name: str
+    motion: str
+    reason: str
+    posed: Problem
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the methods came to on one problem.
+
+    Attributes
+    ----------
+    name, motion, reason : str
+        As of `FieldProblem`.
+    stories, interval, duration, ductility, changes : int or float
+        Stories; the record's interval and the time integrated, s; largest ductility (nan for laws without yield) and
+        changes of branch of the reference.
+    confirmed_by : str
+        The second solution, in words.
+    gap : PeakErrors
+        Of that against the reference: errors are known where they are well above it.
+    points : tuple of Point
+        Method by method, each from its largest step to its smallest; `Point.errors` are `PeakErrors`.
+    """
+
+    name: str
+    motion: str
+    reason: str
+    stories: int
+    interval: float
+    duration: float
+    ductility: float
+    changes: int
+    confirmed_by: str
+    gap: PeakErrors
+    points: tuple[Point, ...]
+
+    def judges(self, quantity: str, tolerance: float) -> bool:
+        """Whether the reference is known well enough for a tolerance."""
+        return self.gap.of(quantity) <= _SURE * tolerance
+
+    def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
+        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none."""
+        return {
+            line: min((point.fastest for point in within(self.points, line, quantity, tolerance)), default=math.nan)
+            for line in dict.fromkeys(point.line for point in self.points)
+        }
+
+
+class Leaders(NamedTuple):
+    """Methods that are recommended: for all tolerances, for 3 % and more, and where nothing must fail."""
+
+    overall: str
+    coarse: str
+    safest: str
+
+
+COARSE = 0.03
+PEER = "/"  # in the name of a line that is another program's: program/method
+
+
+@dataclass(frozen=True, repr=False)
+class FieldChart(Tabular):
+    """Many problems, and the performance profiles of the methods over them.
+
+    Attributes
+    ----------
+    measured : tuple of Measured
+        Problem by problem.
+    timing : Timing
+        How the points were timed.
+    peers : tuple of Peer
+        Other programs that have points on some of the problems.
+    """
+
+    measured: tuple[Measured, ...]
+    timing: Timing
+    peers: tuple[Peer, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """The methods, other programs behind ours."""
+        lines = dict.fromkeys(point.line for one in self.measured for point in one.points)
+        return sorted(lines, key=lambda line: PEER in line)
+
+    @cached_property
+    def profiles(self) -> tuple[PerformanceProfile, ...]:
+        """By quantity, by tolerance, by method: over the problems that the method was given and whose references are
+        known well enough. Another program's costs are over the least of ours, which it does not change."""
+        found = []
+        for quantity, tolerance in product(PEAKS, TOLERANCES):
+            judged = [one.costs(quantity, tolerance) for one in self.measured if one.judges(quantity, tolerance)]
+            if not judged:
+                continue
+            own = [line for line in self.lines if PEER not in line]
+            table = np.array([[costs.get(line, math.nan) for line in own] for costs in judged])
+            ours = performance_ratios(table)
+            for line in self.lines:
+                given = [number for number, costs in enumerate(judged) if line in costs]
+                if line in own:
+                    ratios = ours[given, own.index(line)]
+                else:
+                    least = np.min(np.where(np.isnan(table[given]), math.inf, table[given]), axis=1)
+                    ratios = np.array([judged[number][line] for number in given]) / least
+                    ratios[np.isnan(ratios)] = math.inf
+                if given:
+                    found.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist()))))
+        return tuple(found)
+
+    def leaders(self) -> Leaders:
+        """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
+        3 % and more; and what fails least, with the least worst ratio. Among methods that take all problems."""
+        own = [profile for profile in self.profiles if PEER not in profile.method]
+        given = {line: sum(p.problems for p in own if p.method == line) for line in self.lines}
+        lines = [line for line in self.lines if given[line] and given[line] == max(given.values())]
+        if not lines:
+            raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
+
+        def near(line: str, least: float) -> int:
+            return sum(p.within(2.0) for p in own if p.method == line and p.tolerance >= least)
+
+        def fails(line: str) -> tuple[int, float]:
+            mine = [p for p in own if p.method == line]
+            return sum(p.problems - p.solved for p in mine), max(p.worst for p in mine if p.solved)
+
+        return Leaders(
+            max(lines, key=lambda line: near(line, 0.0)),
+            max(lines, key=lambda line: near(line, COARSE)),
+            min((line for line in lines if near(line, 0.0)), key=fails),
+        )
+
+    def _headline(self) -> str:
+        return f"of {how_many(len(self.lines), 'method')}, {how_many(len(self.measured), 'problem')}"
+
+
+# ---- One problem
+
+
+def measure_problem(
+    problem: FieldProblem,
+    integrators: Sequence[Integrator],
+    *,
+    repeats: int = _REPEATS,
+    peers: bool = False,
+    progress: Progress = silent,
+) -> Measured:
+    """Integrate one problem with all methods and steps: errors first, then the times of all that may be the cheapest
+    for a tolerance, all in turns.
+
+    Parameters
+    ----------
+    repeats : int
+        How often these are timed.
+    peers : bool
+        OpenSeesPy, too, where it is installed and can do the building.
+
+    Raises
+    ------
+    AnalysisError
+        The reference does not reach its end.
+    """
+    # The building's own loops, and steps that all end at one time
+    posed = problem.posed
+    dts = [posed.interval * part for part in PARTS]
+    posed = ending_together(posed, dts)
+    able = suited(posed, integrators)
+    progress("compiling", 0.0)
+    posed.prepared.compile([*able, parse("impulse4"), parse("moment4")])
+
+    # The reference, and how far a second method is from it
+    progress("reference", 0.1)
+    true = _march(posed, parse("impulse4"), posed.interval / _FINE)
+    gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
+    for parts in _FINER:
+        other = _march(posed, parse("moment4"), posed.interval / parts)
+        found = PeakErrors.between(other.stories, true.stories)
+        gap = PeakErrors(*np.minimum(astuple(gap), astuple(found)).tolist())
+        confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
+        if gap.worst <= _SURE * min(TOLERANCES):
+            break
+
+    # Errors of all, then times of what matters
+    points: dict[tuple[Integrator, float], Point] = {}
+    for done, integrator in enumerate(able):
+        progress("errors", 0.2 + 0.6 * done / len(able))
+        points |= {(integrator, point.dt): point for point in _line(posed, integrator, dts, true.stories)}
+    contenders = _contenders(points.values())
+    for turn in range(1, repeats):
+        progress("times", 0.8 + 0.2 * turn / repeats)
+        for pair, point in points.items():
+            if point in contenders:
+                again = _march(posed, pair[0], pair[1])
+                points[pair] = replace(point, times=(*point.times, again.march_time))
+        contenders = [point for point in points.values() if len(point.times) == turn + 1]
+    others = _others(posed, dts) if peers else []
+    return Measured(
+        name=problem.name,
+        motion=problem.motion,
+        reason=problem.reason,
+        stories=posed.building.stories,
+        interval=posed.interval,
+        duration=posed.samples * posed.interval,
+        ductility=max(filter(math.isfinite, true.stories.ductility.tolist()), default=math.nan),
+        changes=int(true.events),
+        confirmed_by=confirmed_by,
+        gap=gap,
+        points=(*points.values(), *others),
+    )
+
+
+def _march(posed: Problem, integrator: Integrator, dt: float) -> Response:
+    return Case(posed.model, posed.prepared, posed.record, integrator).march(posed.steps(dt))
+
+
+def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks) -> list[Point]:
+    """One method with all steps, until two in a row are far below all tolerances. Each has one time yet."""
+    points: list[Point] = []
+    for dt in dts:
+        steps = posed.steps(dt)
+        bare = Point(integrator.label, steps.h, steps.count, DONE, line=line_of(integrator))
+        try:
+            response = _march(posed, integrator, dt)
+        except FailedRun as failure:
+            points.append(replace(bare, outcome=failure.status))
+            continue
+        found = PeakErrors.between(response.stories, true) if response.status == DONE else None
+        told = {"outcome": response.status, "iterations": response.iterations, "times": (response.march_time,)}
+        points.append(replace(bare, errors=found, **told))  # type: ignore[arg-type]
+        last = [point.errors for point in points[-2:] if point.errors]
+        if len(last) == 2 and max(error.worst for error in last) < _FAR_BELOW * min(TOLERANCES):
+            break
+    return points
+
+
+def _contenders(points: Iterable[Point]) -> list[Point]:
+    """Points whose cost is the least of their line for some quantity and tolerance, or may be when timed again."""
+    points = list(points)
+    found: dict[int, Point] = {}
+    for line, quantity, tolerance in product(dict.fromkeys(one.line for one in points), PEAKS, TOLERANCES):
+        good = within(points, line, quantity, tolerance)
+        least = min((point.fastest for point in good), default=math.nan)
+        found |= {id(point): point for point in good if point.fastest <= _NEAR * least}
+    return list(found.values())
+
+
+def _others(posed: Problem, dts: Sequence[float]) -> list[Point]:
+    """OpenSeesPy's points: errors of peak drifts, against the reference at the samples."""
+    from tdint.analysis.chart.peers import openseespy_points
+
+    h = posed.interval / _FINE
+    motion = posed.march(parse("impulse4"), posed.steps(h), keep=True).motion
+    assert motion is not None  # it has come to its end before
+    reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
+    found, _ = openseespy_points(posed, dts, reference)
+    return [replace(one, errors=PeakErrors(one.error("peak_drift"), math.nan, math.nan)) for one in found]
+
+
+# ---- All of them
+
+STANDARD = "standard"
+_SET = Path(__file__).with_name("standard_problems.yaml")
+_RECORDS = (Path(__file__).with_name("records"), Path(__file__).parents[4] / "records")
+"""Where the records of the standard set lie: in an installed package, and in its sources."""
+
+
+def chart_many(
+    models: AnyModel | Sequence[AnyModel] | None = None,
+    records: AnyRecord | Sequence[AnyRecord] = (),
+    *,
+    problems: str | Path | None = None,
+    methods: str | Iterable[str] = METHODS,
+    repeats: int = _REPEATS,
+    peers: bool = False,
+    progress: Progress = silent,
+) -> FieldChart:
+    """Measure methods over many problems: performance profiles of their costs within tolerances.
+
+    Parameters
+    ----------
+    models, records : optional
+        A building or several, each under each of the ground motions: what `run` takes. Without records each has that of
+        its model.
+    problems : str or Path, optional
+        In their place `standard` (twelve buildings, three records each), or a YAML file of problems.
+    methods : str or iterable of str
+        Specifications; those for linear buildings are given these only.
+    repeats : int
+        How often a step is timed that may be the cheapest for a tolerance.
+    peers : bool
+        OpenSeesPy, too, on the first motion of each building that it can do.
+    progress : callable
+        Told what is being done, and how much of it is done, from 0 to 1.
+
+    Returns
+    -------
+    FieldChart
+        What was measured, and the `profiles` of the methods.
+
+    Raises
+    ------
+    UsageError
+        Neither problems nor models, or both; an unknown method.
+    ModelError, RecordError
+        A model, a record or the file of problems is none.
+    AnalysisError
+        A reference cannot be had: the building diverges.
+    """
+    if problems is not None and models is None:
+        given = read_problems(problems)
+    elif models is not None and problems is None:
+        given = crossed(models, records)
+    else:
+        raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
+    return measure_all(given, chosen(methods), repeats=repeats, peers=peers, progress=progress)
+
+
+def measure_all(
+    given: Sequence[FieldProblem],
+    integrators: Sequence[Integrator],
+    *,
+    repeats: int = _REPEATS,
+    peers: bool = False,
+    progress: Progress = silent,
+) -> FieldChart:
+    """`measure_problem` of each, one after the other."""
+    measured: list[Measured] = []
+    for done, problem in enumerate(given):
+
+        def tell(what: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
+            progress(f"{problem.name}, {problem.motion}: {what}", (done + part) / len(given))
+
+        first = problem.name not in {one.name for one in measured}
+        measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers and first, progress=tell))
+    return field_chart(measured)
+
+
+def field_chart(measured: Sequence[Measured]) -> FieldChart:
+    """The chart of what was measured."""
+    from tdint.analysis.chart.peers import peers_of
+
+    points = [point for one in measured for point in one.points]
+    return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
+
+
+def crossed(models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]) -> list[FieldProblem]:
+    """Each building under each motion, or under its own where there is none."""
+    buildings = models if isinstance(models, list | tuple) else [models]
+    motions = records if isinstance(records, list | tuple) else [records]
+    read = [record_of(record) for record in motions]
+    found = []
+    for model in map(model_of, buildings):
+        own: list[Record | None] = [model_record(model)] if not read else [*read]
+        for record in own:
+            motion = " ".join(filter(None, (Path(record.source).stem, record.component))) if record else "its forces"
+            found.append(FieldProblem(model.name, motion, "", pose(model, record)))
+    return found
+
+
+def read_problems(source: str | Path) -> list[FieldProblem]:
+    """The problems of a file, or `standard`.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is not YAML or has faults: all of them, in file order.
+    RecordError
+        A record cannot be read.
+    """
+    standard = source == STANDARD
+    origin, root = read_document(_SET if standard else source, "file of problems", "`records` and `problems`")
+    if standard:
+        folder = next((folder for folder in _RECORDS if folder.is_dir()), None)
+        if folder is None:
+            raise RecordError("the records of the standard problems are not installed; give a file of problems")
+        root.faults.folder = folder
+    # What the file says: motions by name, and buildings that name them
+    section = root.section(("records", "problems"))
+    sources: dict[str, RecordSource] = {}
+    entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
+    if section:
+        named, listed = (section.need(name, advice) for name, advice in _NEEDS)
+        motions = named.section(named.names, "a mapping from names to ground motions") if named else None
+        for name in named.names if named and motions else ():
+            motion = motions.get(name) if motions else None
+            if (found := record_within(motion) if motion else None) is not None:
+                sources[name] = found
+        for item in (listed.items("a list of problems", "is empty; give at least one") if listed else None) or ():
+            entry = item.section(("name", "reason", "model", "scales"))
+            if entry and (problem := _entry(entry, origin, named.names if named else ())):
+                entries.append(problem)
+    root.faults.raise_if_any()
+    # Each building under each of its motions
+    records: dict[str, Record | None] = {}
+    found_all = []
+    for name, reason, stated, scales in entries:
+        model = model_of(stated)
+        for motion_name, factor in scales.items():
+            if motion_name not in records:
+                bare = replace(model.excitation, record=sources[motion_name], forces=())
+                records[motion_name] = model_record(replace(model, excitation=bare))
+            record = records[motion_name]
+            assert record is not None
+            scaled = record.scaled(factor) if factor != 1.0 else record
+            found_all.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
+    return found_all
+
+
+_NEEDS = (
+    ("records", "give ground motions by name"),
+    ("problems", "give a list of problems: name, model and scales"),
+)
+
+
+def _entry(
+    entry: Section, origin: SourceText, motions: Sequence[str]
+) -> tuple[str, str, Model | str, dict[str, float]] | None:
+    """One problem: its name, its reason, its model or the file of it, and the factor of each motion; None after a
+    fault."""
+    name, value = entry.need("name", "give the problem a name"), entry.need("model", "give a model or its file")
+    scales = entry.need("scales", "give a factor for each record: {NAME: 1}")
+    label = name.text() if name else None
+    model: Model | str | None = None
+    if value is not None:
+        inside = replace(origin, name=label or origin.name)
+        model = model_within(value, inside) if value.is_mapping else value.file()
+    of_motions = scales.section(motions, "a mapping from records to factors") if scales else None
+    factors: dict[str, float] = {}
+    for motion in scales.names if scales and of_motions else ():
+        factor: Value | None = of_motions.get(motion) if of_motions else None
+        if factor is not None:
+            factors[motion] = factor.number()
+            if factors[motion] == 0.0:
+                factor.fault("must not be zero")
+    return (label, entry.text("reason") or "", model, factors) if label and model else None

@@ -1,0 +1,556 @@
+"""Many runs at once, their peaks and histories as arrays over the runs: the work behind `tdint.run_many`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from importlib import import_module
+from itertools import groupby
+from itertools import product as combined
+from pathlib import Path
+from threading import Event, Semaphore
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.given import AnyModel, AnyRecord, number_of, numbers_of, record_of
+from tdint.analysis.run import case as run_totals
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.outcome import STORY, History, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.prepared import MarchedRuns, Motions
+from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import run_drawn, run_together
+from tdint.analysis.run.workspace import Steps
+from tdint.arrays import Array
+from tdint.errors import AnalysisError, UsageError, did_you_mean
+from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.kernels.building.sources import CODE
+from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.model.building import draw_buildings
+from tdint.model.config.model_file import model_of
+from tdint.model.definition import Model, changes_of, check_parameter, check_value, damped_by
+from tdint.system import available_memory, on_threads, processors
+from tdint.tabular import Progress, Tabular, optional, told_progress
+from tdint.units import quantities
+from tdint.written_numbers import how_many
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+KEPT = {one.called or one.name: one.name for one in quantities(History) if one.name in run_totals.HISTORIES}
+"""What may be kept of a history: its fields by the names of their columns, without the unit."""
+
+_AT_ONCE = 64
+"""Runs that a thread takes at a time."""
+
+
+@dataclass(frozen=True, repr=False)
+class Runs(Tabular):
+    """Many runs; arrays have the runs first. Where a building has fewer stories than another one, what lies above it is
+    nan.
+
+    Attributes
+    ----------
+    models, records : tuple
+        The buildings and ground motions, each once.
+    methods : tuple of str
+        The method of each building, with all its parameters.
+    model, record : ndarray of int, shape (runs,)
+        Which of them each run has.
+    scale, dt : ndarray, shape (runs,)
+        Factor on the ground motion; time step, s.
+    steps : ndarray of int, shape (runs,)
+        Steps that were taken.
+    status : ndarray of str, shape (runs,)
+        As of `Response`, or of `FailedRun` where there is no result; the run's numbers are nan then.
+    energy_error : ndarray, shape (runs,)
+        Imbalance of the energies over the largest input energy.
+    stories : StoryPeaks
+        Peaks of shape (runs, stories), SI units.
+    history : mapping of str to ndarray, shape (runs, rows, stories)
+        What was kept of the histories, SI units; nan after the end of a run.
+    every : int
+        Steps from one row to the next.
+    failures : mapping of int to str
+        What there is to say of the runs without a result, by their numbers.
+    errors, corrected : StoryErrors and StoryPeaks, or None
+        Estimated errors of the peaks, and the peaks by the error that the run carried along, if they were asked for:
+        those of `ErrorEstimate`, of shape (runs, stories), nan where there is none.
+    varied : mapping of str to ndarray, shape (runs,)
+        What was varied, by name; `models` has the buildings as they were given.
+    """
+
+    models: tuple[Model, ...]
+    records: tuple[Record, ...]
+    methods: tuple[str, ...]
+    model: NDArray[np.int64]
+    record: NDArray[np.int64]
+    scale: Array
+    dt: Array
+    steps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    energy_error: Array
+    stories: StoryPeaks
+    history: dict[str, NDArray[np.floating[Any]]]
+    every: int
+    failures: dict[int, str]
+    errors: StoryErrors | None = None
+    corrected: StoryPeaks | None = None
+    varied: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def time(self) -> Array:
+        """Times of the rows, s, shape (1, rows) where all runs have one step, else (runs, rows)."""
+        rows = max((kept.shape[1] for kept in self.history.values()), default=0)
+        steps = self.dt[:1] if np.all(self.dt == self.dt[0]) else self.dt
+        return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
+
+    def to_xarray(self) -> Dataset:
+        """Peaks over runs and stories, errors and histories, with units and what each run is as coordinates.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions run, story and, with histories, time.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        dataset: Dataset = import_module(self.tables).to_xarray(self)
+        return dataset
+
+    def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
+        """The runs of a building by its number, and their peaks, shape (runs of it, its stories)."""
+        runs = np.flatnonzero(self.model == number)
+        n = len(self.models[number].stories)
+        values = {one.name: getattr(self.stories, one.name)[runs, :n] for one in STORY}
+        return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+
+    def _headline(self) -> str:
+        buildings, records = how_many(len(self.models), "building"), how_many(len(self.records), "record")
+        kept = f", histories of {', '.join(self.history)}" if self.history else ""
+        lost = f", {len(self.failures)} without a result" if self.failures else ""
+        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}"
+
+
+def run_many(
+    models: AnyModel | Sequence[AnyModel],
+    records: AnyRecord | Sequence[AnyRecord],
+    *,
+    scales: float | Iterable[float] = 1.0,
+    paired: bool = False,
+    method: str | None = None,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: str | Sequence[str] = (),
+    every: int = 1,
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
+    jobs: int | None = None,
+    check: bool = False,
+    vary: Mapping[str, Array | Sequence[float] | float] | None = None,
+    product: bool = False,
+    progress: bool | Progress = False,
+    partial: bool = False,
+) -> Runs:
+    """Integrate every building, in every draw of its numbers, under every ground motion at every scale; in that order,
+    the scales fastest.
+
+    Each run is the one that `run` makes, to the last bit. The time loops run on threads without Python's lock; runs
+    without a history go some dozens to a compiled call. A run that fails keeps no other from being done and is not
+    repeated with a smaller step.
+
+    Parameters
+    ----------
+    models, records : one or a sequence
+        What `run` takes.
+    scales : float or sequence of float
+        Factors on the ground accelerations, not zero.
+    paired : bool
+        The first building under the first record at the first scale, the second under the second, ...: sequences of one
+        length, or of one member that stands for all.
+    method, dt, duration : optional
+        In place of what each model says, as of `run`; dt and duration in s.
+    history : str or sequence of str
+        What to keep of each step: of `displacement`, `velocity` (relative to the ground), `absolute_acceleration` of
+        the floors, `drift`, `shear`, `damper_force`, `total_shear` of the stories.
+    every : int
+        Keep every so many steps, from the start on.
+    out : ndarray or mapping of str to ndarray, or str or Path, optional
+        Where to put the histories, shape (runs, rows, stories) each: arrays of any floating-point type, or maps of
+        files (`numpy.lib.format.open_memmap`); the rows are those of the longest run, the stories those of the tallest
+        building. An array alone is for a single quantity. Without, arrays of float64 are made. Of a path NAME.parquet,
+        where to write the table of the runs (`Runs.to_parquet`).
+    jobs : int, optional
+        Threads; one for each processor by default. The result does not depend on it.
+    check : bool
+        Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run again twice.
+    vary : mapping of str to array, optional
+        Numbers of the buildings that are changed, by the names of `Model.replace`, in SI units, and `record.scale`, a
+        factor on the scales: a value for each draw, arrays of one length. Each building is put together once and its
+        arrays are changed from run to run. `Runs.varied` has the values of each run.
+    product : bool
+        All combinations of the values of `vary`, the last name fastest, in place of draws.
+    progress : bool or callable
+        A bar on a terminal or in a notebook, by tqdm, or what is told how many runs are done, of how many.
+    partial : bool
+        Of an interrupt (Ctrl-C) give the runs that are done; the status of the others is `interrupted`.
+
+    Returns
+    -------
+    Runs
+
+    Raises
+    ------
+    UsageError
+        An unknown method or quantity, a step that does not fit a record, an array of another shape; a name that cannot
+        be varied, or a value out of range; progress without tqdm.
+    ModelError, RecordError
+        A model or a record is none.
+    AnalysisError
+        A method does not integrate a building; the memory does not hold the histories.
+    """
+    drawn = _drawn(vary or {}, product)
+    work = _Wanted.of(models, records, method=method, dt=dt, duration=duration, check=check, vary=drawn)
+    plan = _planned(work, scales, paired)
+    kept = _kept(history)
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise UsageError(f"every must be a whole number of steps, 1 at least, got {every!r:.60}")
+    threads = processors() if jobs is None else jobs
+    if threads < 1:
+        raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
+    file = Path(out) if isinstance(out, str | Path) else None
+    if file and file.suffix != ".parquet":
+        raise UsageError(f"out: the table of runs is written as NAME.parquet, got {str(out)!r:.60}")
+    if file:
+        optional("pyarrow", "a Parquet file", "parquet")
+    found = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
+    parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
+    stop, marching = Event(), Semaphore(threads)
+    done = 0
+
+    def march(part: Sequence[_Run]) -> int:
+        with marching:
+            if not stop.is_set():
+                _march(work, found, part)
+            return len(part)
+
+    try:
+        with told_progress(progress, len(plan), "run") as tell:
+            for count in on_threads(march, parts, threads):
+                tell(done := done + count, len(plan))
+    except KeyboardInterrupt:
+        if not partial:
+            raise
+        stop.set()
+        for _ in range(threads):  # the parts that are under way come to their end
+            marching.acquire()
+        found.failures.update(dict.fromkeys(np.flatnonzero(found.status == INTERRUPTED).tolist(), _NOT_RUN))
+    runs = replace(found, failures=dict(sorted(found.failures.items())))
+    if file:
+        runs.to_parquet(file)
+    return runs
+
+
+INTERRUPTED = "interrupted"
+"""The status of a run that was not made."""
+
+_NOT_RUN = "interrupted before it was run"
+SCALE = "record.scale"
+"""What of `vary` is not the building's: a factor on the ground motion."""
+
+
+def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
+    """The values of each draw by name; of a product all combinations, the last name fastest."""
+    given = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
+    if product:
+        grids = np.meshgrid(*given.values(), indexing="ij")
+        given = {name: grid.ravel() for name, grid in zip(given, grids, strict=True)}
+    sizes = {len(values) for values in given.values()}
+    if (not sizes - {1} and len(sizes) == 1 and 0 not in sizes) or not sizes:
+        return given
+    count = max(sizes)
+    if not count or sizes - {1, count}:
+        told = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
+        raise UsageError(f"vary: as many values of each name as there are draws, or one for all; got {told}")
+    return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}
+
+
+class _Run(NamedTuple):
+    """A run by its number: its building, draw and record by theirs, the factor, the steps."""
+
+    number: int
+    model: int
+    draw: int
+    record: int
+    scale: float
+    steps: Steps
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Buildings with their methods, ground motions, and what is asked of the steps."""
+
+    subjects: tuple[Subject, ...]
+    methods: tuple[str, ...]
+    records: tuple[Record, ...]
+    dt: float | None
+    duration: float | None
+    check: bool
+    vary: dict[str, Array]
+
+    @classmethod
+    def of(
+        cls,
+        models: Any,
+        records: Any,
+        *,
+        method: str | None,
+        dt: float | None,
+        duration: float | None,
+        check: bool,
+        vary: dict[str, Array],
+    ) -> _Wanted:
+        buildings = tuple(map(model_of, _several(models, "models")))
+        motions = tuple(map(record_of, _several(records, "records")))
+        if any(isinstance(one, JoinedRecord) for one in motions):
+            raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
+        subjects = tuple(Subject(one, method or one.analysis.method or DEFAULT_METHOD) for one in buildings)
+        methods = tuple(one.integrator.label for one in subjects)
+        return cls(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, vary)
+
+    def case(self, run: _Run) -> Case:
+        """A run of the building as it is, as a single one."""
+        return self.subjects[run.model].case(self.records[run.record], run.scale)
+
+    @cached_property
+    def draws(self) -> int:
+        """How many there are; 1 where nothing is varied."""
+        return len(next(iter(self.vary.values()))) if self.vary else 1
+
+    @cached_property
+    def of_buildings(self) -> dict[str, Array]:
+        """What is varied of buildings."""
+        return {name: values for name, values in self.vary.items() if name != SCALE}
+
+    def varied(self, model: int, draw: int) -> Subject:
+        """A building in one of the draws, by itself."""
+        subject = self.subjects[model]
+        return Subject(
+            subject.model.changed({name: float(values[draw]) for name, values in self.of_buildings.items()}),
+            subject.method,
+        )
+
+    def alone(self, run: _Run, history: bool) -> int:
+        """The draw of a run whose building is put together by itself, -1 where arrays are changed: errors, histories,
+        a method whose coefficients or limit hang on the building."""
+        method = self.subjects[run.model].integrator
+        if not self.of_buildings:
+            return -1
+        hangs = method.family.prepare is not None or method.stability_limit != math.inf
+        return run.draw if self.check or history or hangs or f"method {method.method.name}" in CODE else -1
+
+    def check_draws(self) -> None:
+        """Raise UsageError for a name or a value that some building does not have."""
+        for name, values in self.of_buildings.items():
+            check_parameter(name)
+            for value in np.unique(values).tolist():
+                check_value(name, value)
+            for subject in self.subjects:
+                for change in changes_of(subject.model, name):
+                    change.check(name, *(float(end) for end in (values.min(), values.max())))
+                if name == "damping":
+                    damped_by(subject.model, float(values[0]))
+
+    @cached_property
+    def stories(self) -> int:
+        """Of the tallest building."""
+        return max(len(one.model.stories) for one in self.subjects)
+
+
+def _several(given: Any, name: str) -> Sequence[Any]:
+    found = list(given) if isinstance(given, list | tuple) else [given]
+    if not found:
+        raise UsageError(f"no {name} are given")
+    return found
+
+
+def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> list[_Run]:
+    factors = numbers_of(scales, "scales").tolist()
+    if not factors or not all(math.isfinite(factor) and factor for factor in factors):
+        raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
+    work.check_draws()
+    of_draws = work.vary.get(SCALE, np.ones(work.draws)).tolist()
+    if not all(math.isfinite(factor) and factor for factor in of_draws):
+        raise UsageError(f"{SCALE} must be numbers other than zero")
+    if paired:
+        sizes = {"models": len(work.subjects), "draws": work.draws}
+        sizes |= {"records": len(work.records), "scales": len(factors)}
+        count = max(sizes.values())
+        for name, size in sizes.items():
+            if size not in (1, count):
+                raise UsageError(f"paired: {size} {name} beside {count} of the others; give one, or as many")
+        places: Iterable[tuple[int, ...]] = zip(
+            *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
+        )
+    else:
+        places = combined(*map(range, (len(work.subjects), work.draws, len(work.records), len(factors))))
+    steps: dict[tuple[Any, ...], Steps] = {}
+    plan = []
+    for number, (model, draw, record, scale) in enumerate(places):
+        analysis, motion = work.subjects[model].model.analysis, work.records[record]
+        key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
+        factor = factors[scale] * of_draws[draw]
+        run = _Run(number, model, draw, record, factor, steps.get(key, _UNKNOWN))
+        if run.steps is _UNKNOWN:
+            steps[key] = work.case(run._replace(scale=1.0)).steps(work.dt, work.duration)
+        plan.append(run._replace(steps=steps[key]))
+    return plan
+
+
+_UNKNOWN = Steps(0.0, 0)
+
+
+def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
+    names = (history,) if isinstance(history, str) else tuple(history)
+    for name in names:
+        if name not in KEPT:
+            raise UsageError(f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: {', '.join(KEPT)})")
+    return tuple(dict.fromkeys(names))
+
+
+def _room(
+    work: _Wanted, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
+) -> dict[str, NDArray[np.floating[Any]]]:
+    """Where the histories go: arrays of the caller, or new ones."""
+    rows = max(run.steps.count for run in plan) // every + 1
+    shape = (len(plan), rows, work.stories)
+    if out is None:
+        wanted, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        if wanted > free:
+            raise AnalysisError(
+                f"the histories of {len(plan)} runs take {wanted / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB "
+                "are free; keep fewer steps by every=, or give arrays by out= (float32, or maps of files)"
+            )
+        return {name: np.full(shape, math.nan) for name in kept}
+    given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
+        raise UsageError(f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}")
+    for name, array in given.items():
+        if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise UsageError(f"out of {name} must be an array of floating-point numbers, shape {shape}, got {found}")
+    return given
+
+
+def _unfilled(work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]) -> Runs:
+    """The result, whose arrays each thread fills for the runs that it has."""
+    peaks, errors, corrected = (
+        {one.name: np.full((len(plan), work.stories), math.nan) for one in fields(kind)}
+        for kind in (StoryPeaks, StoryErrors, StoryErrors)
+    )
+    return Runs(
+        models=tuple(one.model for one in work.subjects),
+        records=work.records,
+        methods=work.methods,
+        model=np.array([run.model for run in plan]),
+        record=np.array([run.record for run in plan]),
+        scale=np.array([run.scale for run in plan]),
+        dt=np.array([run.steps.h for run in plan]),
+        steps=np.zeros(len(plan), np.int64),
+        status=np.full(len(plan), INTERRUPTED, "<U24"),
+        energy_error=np.full(len(plan), math.nan),
+        stories=StoryPeaks(**peaks),
+        history=history,
+        every=every,
+        failures={},
+        varied={name: values[[run.draw for run in plan]] for name, values in work.vary.items()},
+        errors=StoryErrors(**errors) if work.check else None,
+        corrected=StoryPeaks(height=peaks["height"], **corrected) if work.check else None,
+    )
+
+
+def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
+    """Some runs, those of one building and one step together, into the arrays of all."""
+    for (model, _, alone), group in groupby(
+        part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(found.history)))
+    ):
+        runs, subject = list(group), work.subjects[model]
+        places = [run.number for run in runs]
+        motions = Motions({run.record: work.records[run.record] for run in runs})
+        lanes = [(run.record, run.scale, run.steps) for run in runs]
+        if work.of_buildings and alone < 0:
+            draws = {draw: place for place, draw in enumerate(dict.fromkeys(run.draw for run in runs))}
+            values = {name: column[list(draws)] for name, column in work.of_buildings.items()}
+            drawn = draw_buildings(subject.model, subject.prepared.building, values)
+            numbered = [(draws[run.draw], lane) for run, lane in zip(runs, lanes, strict=True)]
+            by_themselves = [partial(work.varied, model, draw) for draw in draws]
+            outcomes = run_drawn(subject, motions, numbered, drawn, by_themselves)
+        else:
+            subject = work.varied(model, runs[0].draw) if work.of_buildings else subject
+            outcomes = run_together(
+                subject,
+                motions,
+                lanes,
+                check=work.check,
+                history=bool(found.history),
+                march=partial(_march_and_keep, subject, work, found, runs) if found.history else None,
+            )
+        found.status[places] = "done"
+        _put(found.stories, places, outcomes.stories)
+        found.energy_error[places] = outcomes.energy_error
+        found.steps[places] = outcomes.steps
+        for i, status in outcomes.status.items():
+            found.status[places[i]] = status
+        for i, response in outcomes.responses.items():
+            if response.check:
+                _put(found.errors, places[i], response.check.errors)
+                _put(found.corrected, places[i], response.check.corrected)
+            _put_history(found, places[i], response.history)
+        for i, failure in outcomes.failures.items():
+            _put_history(found, places[i], None)
+            found.failures[places[i]] = str(failure)
+
+
+def _put(arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None) -> None:
+    """Write the values of runs where theirs are."""
+    if arrays and values:
+        for one in fields(arrays):
+            of_runs = getattr(values, one.name)
+            getattr(arrays, one.name)[places, : of_runs.shape[-1]] = of_runs
+
+
+def _put_history(found: Runs, place: int, history: History | None) -> None:
+    """Write what is kept of a run that was made by itself; nan behind its end, and where it has no result."""
+    for name, kept in found.history.items():
+        kept[place] = math.nan
+        if history:
+            rows = getattr(history, KEPT[name])[:: found.every]
+            kept[place, : len(rows), : rows.shape[1]] = rows
+
+
+def _march_and_keep(subject: Subject, work: _Wanted, found: Runs, runs: Sequence[_Run]) -> MarchedRuns:
+    """Runs of one building and one step with what is kept of their histories."""
+    prepared, h = subject.prepared, runs[0].steps.h
+    time = found.every * h * np.arange(next(iter(found.history.values())).shape[1], dtype=np.float64)
+    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in found.history.items()]
+    building, forces, n = prepared.building, prepared.forces, prepared.building.stories
+
+    def see(r: int, rows: Array) -> None:
+        for kept, told in telling:
+            kept[runs[r].number, : len(rows), :n] = told(building, forces, time[: len(rows)], rows)
+            if len(rows) < kept.shape[1] or n < kept.shape[2]:
+                kept[runs[r].number, len(rows) :] = kept[runs[r].number, :, n:] = math.nan
+
+    return prepared.march_each(
+        subject.integrator,
+        h,
+        [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
+        every=found.every,
+        see=see,
+        collapse_drift=subject.model.collapse_drift,
+    )

@@ -1,0 +1,128 @@
+"""Response spectrum analysis: the peaks of a linear building under a design spectrum, mode by mode, and combined.
+
+Every response is combined from its own modal peaks, drifts and shears too, and none is a difference of combined ones:
+by the square root of the sum of squares (Rosenblueth 1951) and by the complete quadratic combination (Der Kiureghian
+1981), whose cross terms are those of stationary motion of modes with close frequencies. All modes of a chain are taken:
+no mass is missing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdint.analysis.given import AnyModel
+from tdint.analysis.spectra.target import TargetSpectrum, read_target
+from tdint.arrays import Array
+from tdint.errors import UsageError
+from tdint.kernels import layout as at
+from tdint.model.building import assemble
+from tdint.model.config.model_file import model_of
+from tdint.model.definition import Model
+from tdint.tabular import Tabular
+
+_USUAL_DAMPING = 0.05  # of a target that does not say which damping it is for, as design spectra have it
+
+
+@dataclass(frozen=True, repr=False)
+class ModalResponse(Tabular):
+    """Peaks of a linear building under a design spectrum; arrays over the stories have the shape (n,).
+
+    Attributes
+    ----------
+    model : Model
+        The building; its laws stand with their initial stiffness.
+    target : TargetSpectrum
+        The design spectrum.
+    period, spectral_acceleration, mass_ratio : ndarray, shape (n,)
+        Of the modes: s, m/s^2 (0 of a mode that is left out), effective modal mass over the total mass.
+    rigid, left_out : int
+        Modes shorter than the target's shortest period: with the target's value at the period 0, or without one.
+    drift_srss, drift_cqc, shear_srss, shear_cqc, displacement_srss, displacement_cqc : ndarray
+        Drifts, m; shears of the stories, which the masses above give, N; displacements of the floors, m.
+    """
+
+    model: Model
+    target: TargetSpectrum
+    period: Array
+    spectral_acceleration: Array
+    mass_ratio: Array
+    rigid: int
+    left_out: int
+    drift_srss: Array
+    drift_cqc: Array
+    shear_srss: Array
+    shear_cqc: Array
+    displacement_srss: Array
+    displacement_cqc: Array
+
+    def _headline(self) -> str:
+        return f"of {self.model.name!r} under {self.target.source}: base shear {self.shear_cqc[0]:.4g} N (CQC)"
+
+    @property
+    def height(self) -> Array:
+        """Heights of the stories, m; nan where there is none."""
+        return np.array([story.drift_height or math.nan for story in self.model.stories])
+
+
+def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalResponse:
+    """The peaks of a building, linear with its initial stiffness, under a design spectrum.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+    target : TargetSpectrum or str
+        The design spectrum: a code's name with parameters, or a file. It is taken as it is for all modes, with the
+        damping that it is for.
+
+    Returns
+    -------
+    ModalResponse
+        Peaks of drifts, shears and displacements of the stories, by SRSS and by CQC.
+
+    Raises
+    ------
+    ModelError
+        The model is none; P-delta larger than a story's stiffness.
+    UsageError
+        A mode is longer than the target's longest period.
+    """
+    model, demand = model_of(model), read_target(target) if isinstance(target, str) else target
+    building = assemble(replace(model, damping=None))
+    modes = building.modes()
+    period = 2.0 * math.pi / modes.omega
+    # Modes that are shorter than the target goes move with the ground: with its peak acceleration, if that is known.
+    short = period < (0.0 if demand.curve else demand.periods[0])
+    if period[0] > demand.periods[-1] * (1.0 + 1e-9):
+        raise UsageError(f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has {period[0]:.4g} s")
+    acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
+    acceleration[~short] = demand.at(period[~short])
+    # Peaks of each mode, a row each.
+    factor = modes.mass @ modes.shapes
+    displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
+    forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
+    peaks = {
+        "drift": displacement - building.linear_terms[at.LINK, :-1] * np.roll(displacement, 1, axis=1),
+        "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
+        "displacement": displacement,
+    }
+    correlation = correlations(modes.omega, demand.damping or _USUAL_DAMPING)
+    combined = {f"{name}_srss": np.sqrt(np.sum(rows**2, axis=0)) for name, rows in peaks.items()}
+    # Rounding may leave a sum of cancelling modes below zero.
+    combined |= {
+        f"{name}_cqc": np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", rows, correlation, rows), 0.0))
+        for name, rows in peaks.items()
+    }
+    rigid, left_out = (int(short.sum()), 0) if demand.zero is not None else (0, int(short.sum()))
+    return ModalResponse(model, demand, period, acceleration, modes.mass_ratio, rigid, left_out, **combined)
+
+
+def correlations(omega: Array, damping: float) -> Array:
+    """Correlation of modes of one damping ratio, shape (n, n), for circular frequencies, shape (n,): the coefficients
+    of the complete quadratic combination (Der Kiureghian 1981)."""
+    r = omega[None, :] / omega[:, None]
+    numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
+    return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))

@@ -1,0 +1,513 @@
+"""Spectra that others give: target spectra, what a suite of ground motions is scaled to, of a CSV file or a design
+spectrum of a code by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`, `ec8:type=1,soil=B,ag=0.25g`); and published
+spectra, and how far computed ones are from them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tdint.analysis.spectra.elastic import Spectrum
+from tdint.arrays import Array
+from tdint.csv_table import read_table
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.formats.table_columns import name_and_units
+from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
+from tdint.ground_motion.record import Input, Record
+from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_acceleration, parse_units
+from tdint.written_numbers import parse_named, parse_positive, parse_ratio
+
+Texts = Mapping[str, str]
+
+_NAMED = re.compile(r"([A-Za-z]\w*)(?::(\w+=.*)?)?", re.DOTALL)
+
+_MCER = 1.5
+"""The risk-targeted maximum considered earthquake over the design spectrum (ASCE 7-16, 11.4.7)."""
+
+_GROUND = {
+    "1": {
+        "A": (1.0, 0.15, 0.4, 2.0),
+        "B": (1.2, 0.15, 0.5, 2.0),
+        "C": (1.15, 0.2, 0.6, 2.0),
+        "D": (1.35, 0.2, 0.8, 2.0),
+        "E": (1.4, 0.15, 0.5, 2.0),
+    },
+    "2": {
+        "A": (1.0, 0.05, 0.25, 1.2),
+        "B": (1.35, 0.05, 0.25, 1.2),
+        "C": (1.5, 0.1, 0.25, 1.2),
+        "D": (1.8, 0.1, 0.3, 1.2),
+        "E": (1.6, 0.05, 0.25, 1.2),
+    },
+}
+"""S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and 3.3)."""
+
+_LEAST_ETA = 0.55
+_EC8_END = 4.0  # s; beyond it stands Annex A
+_LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
+
+
+@dataclass(frozen=True)
+class DesignSpectrum:
+    """A design spectrum as its code writes it.
+
+    Attributes
+    ----------
+    curve : callable
+        Pseudo-accelerations, m/s^2, shape (k,), at periods (s, 0 or more), shape (k,).
+    corners : tuple of float
+        Periods at which its branches meet, s.
+    damping : float
+        Damping ratio that it is for.
+    longest : float
+        Period up to which the code has it, s.
+    """
+
+    curve: Callable[[Array], Array]
+    corners: tuple[float, ...]
+    damping: float
+    longest: float
+
+
+def design_spectrum(text: str) -> DesignSpectrum | None:
+    """The design spectrum that a text names with its parameters; None for a text that has no such form.
+
+    Raises
+    ------
+    UsageError
+        An unknown name; a parameter that is missing, unknown or wrong.
+    """
+    match = _NAMED.fullmatch(text.strip())
+    if match is None:
+        return None
+    name, words = match[1].lower(), match[2]
+    if name not in CODES:
+        if words is None:
+            return None
+        raise UsageError(f"{text[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}")
+    make, parameters = CODES[name]
+    try:
+        return make(parse_named(name, words or "", parameters, EXAMPLES[name]))
+    except UsageError as error:
+        raise UsageError(f"{text[:60]!r}: {error}") from None
+
+
+def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
+    """The two-period design spectrum (ASCE 7-10, 7-16, 11.4), times a factor."""
+    sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
+    ts = sd1 / sds
+    if not ts < tl:
+        raise UsageError(f"tl = {tl:g} s must be longer than TS = sd1/sds = {ts:.4g} s")
+    t0 = 0.2 * ts
+
+    def curve(periods: Array) -> Array:
+        t = np.maximum(periods, t0)  # no branch divides by 0
+        shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
+        return factor * STANDARD_GRAVITY * np.where(periods < t0, sds * (0.4 + 0.6 * periods / t0), shape)
+
+    return DesignSpectrum(curve, (t0, ts, tl), 0.05, _LONGEST_PERIOD)
+
+
+def _ec8(given: Texts) -> DesignSpectrum:
+    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a National Annex."""
+    soils = _GROUND.get(given["type"])
+    if soils is None:
+        raise UsageError(f"type must be 1 or 2, got {given['type']!r}")
+    if given["soil"].upper() not in soils:
+        raise UsageError(f"soil must be one of {', '.join(soils)}, got {given['soil']!r}")
+    recommended = dict(zip(("s", "tb", "tc", "td"), soils[given["soil"].upper()], strict=True))
+    s, tb, tc, td = (parse_positive(key, given[key]) if key in given else value for key, value in recommended.items())
+    if not tb < tc < td < _EC8_END:
+        raise UsageError(f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s")
+    ag = parse_acceleration("ag", given["ag"], "0.25g")
+    damping = parse_ratio(given.get("damping", "5%"))
+    if not 0.0 < damping < 1.0:
+        raise UsageError(f"damping must lie between 0 and 100 %, got {given['damping']!r}")
+    plateau = 2.5 * max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _LEAST_ETA)
+
+    def curve(periods: Array) -> Array:
+        t = np.maximum(periods, tb)  # no branch divides by 0
+        shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
+        return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
+
+    return DesignSpectrum(curve, (tb, tc, td), damping, _EC8_END)
+
+
+_TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
+CODES: Mapping[str, tuple[Callable[[Texts], DesignSpectrum], Mapping[str, bool]]] = {
+    "asce7": (_two_period, _TWO_PERIOD),
+    "mcer": (partial(_two_period, factor=_MCER), _TWO_PERIOD),
+    "ec8": (
+        _ec8,
+        {"type": True, "soil": True, "ag": True, "damping": False, "s": False, "tb": False, "tc": False, "td": False},
+    ),
+}
+"""By name what makes the spectrum, and its parameters: whether each must be given."""
+
+EXAMPLES = {
+    "asce7": "asce7:sds=1.0,sd1=0.6,tl=8",
+    "mcer": "mcer:sds=1.0,sd1=0.6,tl=8",
+    "ec8": "ec8:type=1,soil=B,ag=0.25g",
+}
+
+
+_PERIOD = ("t", "period", "periods")
+_VALUE = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
+_NEEDS = (
+    "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design spectrum by name, such "
+    "as asce7:sds=1.0,sd1=0.6,tl=8"
+)
+_GRID = (0.01, 241)  # s, and how many periods at which a named spectrum is drawn and written, beside its corners
+
+
+@dataclass(frozen=True)
+class TargetSpectrum:
+    """Pseudo-accelerations over the period: a code's formula, or straight lines between points on logarithmic axes.
+
+    Attributes
+    ----------
+    source : str
+        The file, or the code's name and parameters, as the user wrote them.
+    periods : ndarray, shape (k,)
+        Rising, positive, s.
+    psa : ndarray, shape (k,)
+        Positive, m/s^2.
+    zero : float or None
+        Its value at the period 0, m/s^2, as far as known.
+    damping : float or None
+        Damping ratio that it is for, as far as known.
+    curve : callable or None
+        The formula of a code; None of a table.
+    formula_corner : float or None
+        Where the constant acceleration of a code's formula ends, s.
+    """
+
+    source: str
+    periods: Array
+    psa: Array
+    zero: float | None = None
+    damping: float | None = None
+    curve: Callable[[Array], Array] | None = None
+    formula_corner: float | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.curve is not None:  # a formula is found again by its name
+            return read_target, (self.source,)
+        return TargetSpectrum, (self.source, self.periods, self.psa, self.zero, self.damping)
+
+    @property
+    def sd(self) -> Array:
+        """Displacements Sa (T/2 pi)^2, m, shape (k,)."""
+        return self.psa * (self.periods / (2.0 * np.pi)) ** 2
+
+    @property
+    def psv(self) -> Array:
+        """Pseudo-velocities Sa T/2 pi, m/s, shape (k,)."""
+        return self.psa * self.periods / (2.0 * np.pi)
+
+    @property
+    def corner(self) -> float:
+        """Where the constant acceleration ends, TC or TS, s: of a code's formula, or where a table's largest
+        pseudo-acceleration and its largest pseudo-velocity meet."""
+        if self.formula_corner is not None:
+            return self.formula_corner
+        return float(2.0 * np.pi * np.max(self.psv) / np.max(self.psa))
+
+    def at(self, periods: ArrayLike) -> Array:
+        """Its values at periods (s), m/s^2, shape (k,); a formula has them from 0 on, the peak ground acceleration.
+
+        Raises
+        ------
+        UsageError
+            A period is outside its own.
+        """
+        low, high = 0.0 if self.curve else float(self.periods[0]), float(self.periods[-1])
+        periods = np.atleast_1d(np.asarray(periods, float))
+        if np.min(periods) < low * (1.0 - 1e-9) or np.max(periods) > high * (1.0 + 1e-9):
+            raise UsageError(
+                f"{self.source}: has periods from {low:g} to {high:g} s; asked for are {np.min(periods):.6g} to "
+                f"{np.max(periods):.6g} s"
+            )
+        if self.curve is not None:
+            return self.curve(periods)
+        return np.asarray(np.exp(np.interp(np.log(periods), np.log(self.periods), np.log(self.psa))))
+
+
+def read_target(source: str) -> TargetSpectrum:
+    """A target spectrum: a design spectrum by name (`design_spectra`), or a CSV file with a column of periods
+    (`period_s`, `T (s)`) and one of accelerations (`sa_g`, `psa_m_s2`, `Sa (g)`).
+
+    A period of 0 is left out of the points: it has no place on a logarithmic axis.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, lacks a column, or holds what is no spectrum.
+    UsageError
+        An unknown name, or wrong parameters.
+    """
+    design = design_spectrum(source)
+    if design is None:
+        return _read_points(source)
+    low, count = _GRID
+    grid = np.geomspace(low, design.longest, int(count))
+    periods = np.unique([*grid, *(corner for corner in design.corners if grid[0] < corner < grid[-1])])
+    zero = float(design.curve(np.zeros(1))[0])
+    return TargetSpectrum(source, periods, design.curve(periods), zero, design.damping, design.curve, design.corners[1])
+
+
+def _read_points(source: str) -> TargetSpectrum:
+    table = read_table(source, _NEEDS)
+    period = next((name for name in table.header if _is_period(name)), "period_s")
+    # The column of accelerations, and its factor to m/s^2; pseudo-accelerations before others.
+    values = [name for name in table.header if _is_acceleration(name)]
+    values = [name for name in values if "psa" in name] or values
+    if not values:
+        raise ModelError(
+            f"{table.source}:1: no column sa_g or sa_m_s2, an acceleration with its unit; there are "
+            f"{', '.join(table.header)[:200]}"
+        )
+    if len(values) > 1:
+        raise ModelError(f"{table.source}:1: several spectra, {', '.join(values)}; leave one of them")
+    value, factor = values[0], ACCELERATION[canonical(name_and_units(values[0])[1])]
+    periods, psa = np.array(table.numbers(period)), factor * np.array(table.numbers(value, positive=True))
+    falls = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
+    if falls.size or periods[0] < 0.0:
+        place = int(falls[0]) if falls.size else 0
+        raise ModelError(
+            f"{source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of one spectrum must rise, "
+            "from 0 or more"
+        )
+    positive = periods > 0.0
+    if np.sum(positive) < 2:
+        raise ModelError(f"{source}: a spectrum needs two periods at least")
+    zero = None if positive[0] else float(psa[0])
+    return TargetSpectrum(source, periods[positive], psa[positive], zero)
+
+
+def _is_period(name: str) -> bool:
+    quantity, unit = name_and_units(name)
+    return quantity in _PERIOD and unit in ("", "s", "sec")
+
+
+def _is_acceleration(name: str) -> bool:
+    quantity, unit = name_and_units(name)
+    return bool(_VALUE.fullmatch(quantity)) and canonical(unit) in ACCELERATION
+
+
+# ---- A published spectrum, and how far a computed one is from it
+
+QUANTITIES = {
+    "sd": ("displacement", "sd_m"),
+    "psv": ("velocity", "psv_m_s"),
+    "psa": ("acceleration", "psa_m_s2"),
+    "sv": ("velocity", "sv_m_s"),
+    "sa": ("acceleration", "sa_m_s2"),
+}
+"""By its name in a table and in `Spectrum`, the quantity that a value's units must be of, and our column of it."""
+
+_PERIODS = ("t", "period", "periods")
+_SAME = 1e-6
+"""Relative difference up to which two periods, or damping ratios, are one: what is printed is rounded."""
+
+
+@dataclass(frozen=True)
+class PublishedSpectrum:
+    """A spectrum as a file has it.
+
+    Attributes
+    ----------
+    source : str
+        The file as the user named it.
+    quantity : str
+        A key of `QUANTITIES`.
+    periods, values : ndarray, shape (k,)
+        s, growing, and SI units.
+    input : Input
+        The file with its SHA-256.
+    """
+
+    source: str
+    quantity: str
+    periods: Array
+    values: Array
+    input: Input
+
+    def at(self, periods: Array, log_log: bool) -> Array:
+        """The values at periods (s): those that the file has or, if `log_log`, on straight lines between their
+        logarithms.
+
+        Raises
+        ------
+        UsageError
+            A period that the file does not have, or beyond those that it has.
+        """
+        near = np.abs(self.periods[:, None] - periods) <= _SAME * periods
+        if np.all(near.any(axis=0)):
+            exact: Array = self.values[near.argmax(axis=0)]
+            return exact
+        other = float(periods[~near.any(axis=0)][0])
+        if not log_log:
+            raise UsageError(
+                f"{self.source} has no period {other:.6g} s; leave the periods out for those of the file, or "
+                "interpolate with --against-interpolation log-log"
+            )
+        positive = (self.periods > 0.0) & (self.values > 0.0)
+        low, high = self.periods[positive][0], self.periods[positive][-1]
+        outside = (periods < low * (1.0 - _SAME)) | (periods > high * (1.0 + _SAME))
+        if np.any(outside):
+            raise UsageError(f"{self.source} goes from {low:.6g} to {high:.6g} s, without {periods[outside][0]:.6g} s")
+        return np.exp(np.interp(np.log(periods), np.log(self.periods[positive]), np.log(self.values[positive])))
+
+
+@dataclass(frozen=True)
+class SpectrumDifference:
+    """A computed spectrum beside a published one; arrays of shape (k,).
+
+    Attributes
+    ----------
+    spectrum : Spectrum
+        As it was computed.
+    published : PublishedSpectrum
+        The file.
+    expected : ndarray
+        The published values at the periods of the spectrum.
+    """
+
+    spectrum: Spectrum
+    published: PublishedSpectrum
+    expected: Array
+
+    @property
+    def record(self) -> Record:
+        """The ground motion."""
+        return self.spectrum.record
+
+    @property
+    def damping(self) -> float:
+        """The damping ratio."""
+        return self.spectrum.damping
+
+    @property
+    def periods(self) -> Array:
+        """Periods, s."""
+        return self.spectrum.periods
+
+    @property
+    def computed(self) -> Array:
+        """The computed values."""
+        values: Array = getattr(self.spectrum, self.published.quantity)
+        return values
+
+    @property
+    def relative_difference(self) -> Array:
+        """Computed over published values, less 1; nan where the published value is 0."""
+        expected = np.where(self.expected == 0.0, np.nan, self.expected)
+        return self.computed / expected - 1.0
+
+    @property
+    def largest(self) -> tuple[float, float] | None:
+        """The largest relative difference to either side, and its period, s; None if there is none."""
+        difference = self.relative_difference
+        if not np.any(np.isfinite(difference)):
+            return None
+        i = int(np.nanargmax(np.abs(difference)))
+        return float(difference[i]), float(self.periods[i])
+
+
+def read_published(source: str | Path, damping: float, column: str | None = None) -> PublishedSpectrum:
+    """Read a published spectrum: CSV with names in its first line, which say quantity and units.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file. It needs a column of periods (`period_s`, `T (s)`) and one of values (`psa_g`, `PSA (cm/s^2)`,
+        `sd_cm`); names of quantities are those of `QUANTITIES`. Where it has a column `damping`, the rows of `damping`
+        are taken.
+    damping : float
+        Damping ratio.
+    column : str, optional
+        Which of several columns of values.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, has no such columns or units, or says a period twice.
+    UsageError
+        There are several columns of values, and none is named.
+    """
+    table = read_named_table(source)
+    place, factor = _period_column(table)
+    quantity, values = _values(table, column)
+    periods = factor * table.numbers(place)
+    rows = np.argsort(periods, kind="stable")
+    if "damping" in table.names:
+        ratios = table.numbers(table.place("damping"))
+        rows = rows[np.abs(ratios[rows] - damping) <= _SAME]
+        if not rows.size:
+            listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
+            raise RecordError(f"{source}: has no damping ratio {damping:g}; it has {listed}")
+    periods, values = periods[rows], values[rows]
+    if periods[0] < 0.0 or np.any(values < 0.0):
+        raise RecordError(f"{source}: periods and values of a spectrum are not negative")
+    if np.any(np.diff(periods) == 0.0):
+        twice = float(periods[:-1][np.diff(periods) == 0.0][0])
+        raise RecordError(f"{source}: has the period {twice:g} s twice; leave one spectrum in it")
+    return PublishedSpectrum(str(source), quantity, periods, values, table.input)
+
+
+def differences(spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool) -> list[SpectrumDifference]:
+    """Computed spectra beside a published one."""
+    return [SpectrumDifference(one, published, published.at(one.periods, log_log)) for one in spectra]
+
+
+def _period_column(table: NamedTable) -> tuple[int, float]:
+    """Its place, and the factor to seconds."""
+    for place, text in enumerate(table.names):
+        name, units = name_and_units(text)
+        if name in _PERIODS:
+            if units not in SECONDS:
+                raise RecordError(
+                    f"{table.source}: the name of the column {text!r} must say its unit, such as period_s"
+                )
+            return place, SECONDS[units]
+    raise RecordError(f"{table.source}: has no column of periods (period_s); there are {', '.join(table.names)[:200]}")
+
+
+def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
+    """Quantity and values (SI units) of the column."""
+    columns = {text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES}
+    if column is not None:
+        table.place(column)
+        if column not in columns:
+            raise RecordError(
+                f"{table.source}: the column {column!r} is none of {', '.join(QUANTITIES)} with its units"
+            )
+    elif len(columns) != 1:
+        if columns:
+            raise UsageError(f"{table.source}: name one of its columns with --against-column: {', '.join(columns)}")
+        raise RecordError(
+            f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: psa_g); there are "
+            f"{', '.join(table.names)[:200]}"
+        )
+    chosen = column if column is not None else next(iter(columns))
+    name, text = columns[chosen]
+    try:
+        units = parse_units(text)
+    except UsageError:
+        raise RecordError(
+            f"{table.source}: the name of the column {chosen!r} must end with its units (psa_g)"
+        ) from None
+    if units.quantity != QUANTITIES[name][0]:
+        raise RecordError(f"{table.source}: the column {chosen!r} has units of a {units.quantity}: {text}")
+    values = units.scale * table.numbers(table.place(chosen))
+    return name, values

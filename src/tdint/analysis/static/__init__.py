@@ -1,1 +1,0 @@
-"""Imposed displacements: cyclic tests of a story, paths of drift, pushovers."""

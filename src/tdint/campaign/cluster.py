@@ -1,0 +1,207 @@
+"""Chunks on other machines, by Dask: each goes out with all that it needs, and comes back as rows.
+
+Dask unpickles what reaches its port: whoever reaches it runs programs there. Beyond this machine certificates are asked
+for.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from ipaddress import ip_address
+from queue import Empty, Queue
+from typing import Any
+from urllib.parse import urlsplit
+
+from tdint.campaign.batch import Chunk, Done, do
+from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.files import MOST_BYTES, read_at_most
+from tdint.methods.catalogue import load_plugin
+from tdint.model.plugins import files_received, files_to_send
+
+_AHEAD = 3
+"""Chunks for each thread of the workers, those they are at among them."""
+
+_SILENT, _PATIENCE = 1.0, 10.0
+"""Seconds for which a scheduler is waited for without a word, and at most."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A scheduler, and the certificates by which both sides know each other.
+
+    Attributes
+    ----------
+    address : str
+        tcp://HOST:PORT or tls://HOST:PORT.
+    ca, cert, key : str or None
+        PEM files: the authority's certificate, our own and its key.
+
+    Raises
+    ------
+    UsageError
+        No such address; no certificates where they are needed.
+    """
+
+    address: str
+    ca: str | None = None
+    cert: str | None = None
+    key: str | None = None
+
+    def __post_init__(self) -> None:
+        parts = _parts(self.address)
+        given = [self.ca, self.cert, self.key]
+        if parts.scheme == "tls":
+            if None in given:
+                raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
+            for file in given:
+                _check_readable(str(file))
+        elif any(given):
+            raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
+        elif not is_loopback(parts.hostname or ""):
+            raise UsageError(
+                f"{self.address}: beyond this machine the connection must be encrypted, for whoever reaches the port "
+                "runs programs; start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key, and give a "
+                "tls:// address with --tls-ca, --tls-cert and --tls-key"
+            )
+
+
+def _parts(address: str) -> Any:
+    try:
+        parts = urlsplit(address)
+        port = parts.port
+    except ValueError:
+        parts, port = None, None
+    if (
+        parts is None
+        or parts.scheme not in ("tcp", "tls")
+        or not parts.hostname
+        or not port
+        or f"{parts.scheme}://{parts.netloc}".lower() != address.lower()
+        or "@" in parts.netloc
+    ):
+        raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
+    return parts
+
+
+def _check_readable(file: str) -> None:
+    """Raise UsageError for a certificate that cannot be read."""
+    try:
+        read_at_most(file, MOST_BYTES, UsageError)
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def on_cluster(cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]) -> Iterator[Done]:
+    """Each chunk, in the order in which they are done. Those of a worker that is lost are done by others.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, or there is no scheduler at the address.
+    AnalysisError
+        Workers are lost with one chunk again and again; and what chunks raise.
+    """
+    client = _connect(cluster)
+    try:
+        yield from _done(client, chunk, iter(numbers))
+    finally:
+        client.close()
+
+
+def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
+    """Integrate the runs of a chunk on a worker, which executes the files of plug-ins that the chunk may need first.
+
+    Raises
+    ------
+    UsageError
+        A plug-in that does not run there: what else it imports does not travel.
+    """
+    for file in files_received(plugins):
+        load_plugin(file)
+    return do(chunk)
+
+
+def _connect(cluster: Cluster) -> Any:
+    try:
+        from distributed import Client, Security
+    except ImportError:
+        raise UsageError("--dask needs Dask: pip install 'tdint[dask]', here and for the workers") from None
+    security = Security(
+        tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
+    )
+    answer: Queue[Any] = Queue()
+
+    def connect() -> None:
+        try:
+            secured = security if cluster.ca else None
+            answer.put(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
+        except Exception as error:
+            answer.put(error)
+
+    # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
+    threading.Thread(target=connect, daemon=True).start()
+    client = _waited_for(answer, cluster.address)
+    if isinstance(client, Exception):
+        text = " ".join(str(client).split()) or type(client).__name__
+        raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
+    return client
+
+
+def _waited_for(answer: Queue[Any], address: str) -> Any:
+    """A client or an error; that it is waited for is said after a second, and ends after ten."""
+    for seconds in (_SILENT, _PATIENCE - _SILENT):
+        try:
+            return answer.get(timeout=seconds)
+        except Empty:
+            if seconds == _SILENT:
+                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", address)
+    return TimeoutError("waited for ten seconds")
+
+
+def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
+    from distributed import KilledWorker, as_completed
+
+    plugins = files_to_send()
+    running = as_completed(loop=client.loop)
+    under_way = 0
+
+    def width() -> int:
+        threads: dict[str, int] = client.nthreads()
+        return _AHEAD * max(1, sum(threads.values()))
+
+    def go_on() -> int:
+        number = next(numbers, None)
+        if number is None:
+            return 0
+        running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
+        return 1
+
+    while under_way < width() and go_on():
+        under_way += 1
+    for future in running:
+        try:
+            done: Done = future.result()
+        except KilledWorker as error:
+            raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
+        except TdintError:
+            raise
+        future.release()
+        yield done
+        under_way -= 1
+        while under_way < width() and go_on():
+            under_way += 1

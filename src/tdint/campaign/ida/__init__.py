@@ -1,1 +1,0 @@
-"""Incremental dynamic analysis: levels, runs, what is kept of them, capacities, fractiles."""

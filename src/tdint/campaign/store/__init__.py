@@ -1,1 +1,0 @@
-"""What a campaign has done so far, in one SQLite file: whatever ends the process, nothing is lost and nothing twice."""

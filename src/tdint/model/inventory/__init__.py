@@ -1,1 +1,0 @@
-"""Buildings of few facts, and tables of them: rules derive their stories."""

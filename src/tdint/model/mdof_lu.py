@@ -1,0 +1,286 @@
+"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020): the rules MDOF-LU of SimCenter's
+regional workflow.
+
+The table `hazus_types.csv` holds the numbers of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu,
+Lu, Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter's regional workflow use for shear buildings: capacity,
+hysteresis, period and damping by design level and type.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.model.building import rayleigh
+from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story
+from tdint.model.modes import solve_modes
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingFacts:
+    """What an inventory says of one building.
+
+    Attributes
+    ----------
+    structure : str
+        Structure type, such as C1.
+    stories, year : int
+        Number of stories, year of construction.
+    area : float
+        Plan area of one floor, m^2.
+    height : float or None
+        Height of the building, m; None where it is not said.
+    zone : str
+        Seismic zone of the code: Z0, Z1, Z2A, Z2B, Z3 or Z4.
+    design_level : str or None
+        pre, low, moderate or high; None where it follows from zone and year.
+    damping_ratio : float or None
+        Damping ratio; None where it follows from the type.
+    mass_only : bool
+        Whether the stiffness-proportional part of the damping is left out, as in programs that lose it.
+    """
+
+    structure: str
+    stories: int
+    year: int
+    area: float
+    height: float | None = None
+    zone: str = "Z4"
+    design_level: str | None = None
+    damping_ratio: float | None = None
+    mass_only: bool = False
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Factors that a building differs by from what the rules say: on stiffness, strength unchanged, and on damping."""
+
+    stiffness: float = 1.0
+    damping: float = 1.0
+
+
+@dataclass(frozen=True)
+class DerivedBuilding:
+    """A shear building by rules; arrays of shape (stories,), from the ground up.
+
+    Attributes
+    ----------
+    design_level, type : str
+        The row of the table that holds its numbers.
+    rule_period : float
+        Fundamental period that the stiffness is made for, without scatter, s.
+    period : float
+        Fundamental period of the shear building, s.
+    damping_ratio : float
+        Damping ratio with scatter.
+    mass, height, stiffness, yield_force, ultimate_force, ultimate_drift : ndarray
+        Of each story, kg, m, N/m, N, N, m.
+    pinching, unloading : float
+        As in the trilinear-pinching law.
+    damping : RayleighRatio or RayleighCoefficients
+        Damping of the building.
+    """
+
+    design_level: str
+    type: str
+    rule_period: float
+    period: float
+    damping_ratio: float
+    mass: Array
+    height: Array
+    stiffness: Array
+    yield_force: Array
+    ultimate_force: Array
+    ultimate_drift: Array
+    pinching: float
+    unloading: float
+    damping: RayleighRatio | RayleighCoefficients
+
+    @property
+    def yield_drift(self) -> Array:
+        """Drift at first yield, m."""
+        return np.asarray(self.yield_force / self.stiffness)
+
+    @property
+    def stories(self) -> tuple[Story, ...]:
+        """The stories of a model."""
+        strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
+        columns = (self.mass, self.height, self.stiffness, *strengths)
+        return tuple(
+            Story(
+                mass=mass,
+                height=height,
+                stiffness=stiffness,
+                law=Law("trilinear-pinching", (strength, ultimate, drift, self.pinching, self.unloading)),
+                dashpot=0.0,
+            )
+            for mass, height, stiffness, strength, ultimate, drift in zip(*(c.tolist() for c in columns), strict=True)
+        )
+
+
+LEVELS = ("pre", "low", "moderate", "high")
+"""Design levels from the weakest to the strongest."""
+
+
+@dataclass(frozen=True)
+class HazusType:
+    """A row of the table.
+
+    Attributes
+    ----------
+    design_level, type : str
+        One of `LEVELS`; a type with its class of height, such as C1M.
+    min_stories, max_stories : float
+        Stories that the row is made for.
+    yield_acceleration_g : float
+        Yield force of the building over its weight, but for the share of mass that the first mode moves.
+    overstrength : float
+        Ultimate over yield force.
+    post_yield_ratio : float
+        Stiffness after yielding over the initial one.
+    pinching, unloading_exponent : float
+        As in the trilinear-pinching law.
+    period_per_story_s : float
+        Fundamental period over number of stories, s.
+    damping_ratio : float
+        Viscous damping ratio.
+    slight_drift_ratio, moderate_drift_ratio, extensive_drift_ratio, complete_drift_ratio : float
+        Median drift ratios of the damage states.
+    """
+
+    design_level: str
+    type: str
+    min_stories: float
+    max_stories: float
+    yield_acceleration_g: float
+    overstrength: float
+    post_yield_ratio: float
+    pinching: float
+    unloading_exponent: float
+    period_per_story_s: float
+    damping_ratio: float
+    slight_drift_ratio: float
+    moderate_drift_ratio: float
+    extensive_drift_ratio: float
+    complete_drift_ratio: float
+
+
+@cache
+def hazus_types() -> Mapping[tuple[str, str], HazusType]:
+    """The table by design level and type."""
+    text = (files("tdint.model") / "hazus_types.csv").read_text(encoding="utf-8")
+    words = ("design_level", "type")
+    names = [field.name for field in fields(HazusType)]
+    rows = (
+        HazusType(*(row[name] if name in words else float(row[name]) for name in names))  # type: ignore[arg-type]
+        for row in csv.DictReader(text.splitlines())
+    )
+    return {(row.design_level, row.type): row for row in rows}
+
+
+STRUCTURES = ("W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH")
+ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
+MOST_STORIES = 50
+YEARS = (1000, 2200)
+
+_NO_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")
+_HEIGHT_CLASSES = {  # the largest number of stories of each class; the last class has no end
+    "RM1": ((3, "L"), (math.inf, "M")),
+    "RM2": ((3, "L"), (7, "M"), (math.inf, "H")),
+    "URM": ((2, "L"), (math.inf, "M")),
+}
+_USUAL_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
+
+# Of each zone the levels and the years from which on they hold, the youngest first; what is older is pre
+_CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
+    "Z4": ((1976, "high"), (1941, "moderate")),
+    "Z3": ((1941, "moderate"),),
+    "Z2B": ((1976, "moderate"), (1941, "low")),
+    "Z2A": ((1941, "low"),),
+    "Z1": ((1976, "low"),),
+    "Z0": (),
+}
+_LEAST = {"Z4": "moderate", "Z3": "moderate", "Z2B": "low", "Z2A": "low", "Z1": "low", "Z0": "low"}  # of W1
+
+_FLOOR_MASS = 1000.0  # kg/m^2
+_STORY_HEIGHT = 3.6  # m, where the height of the building is not said
+_GRAVITY = 9.8  # m/s^2, as the rules have it
+
+
+def hazus_type(structure: str, stories: int) -> str:
+    """The structure type with its class of height."""
+    if structure in _NO_HEIGHT_CLASS:
+        return structure
+    classes = _HEIGHT_CLASSES.get(structure, _USUAL_CLASSES)
+    return structure + next(name for most, name in classes if stories <= most)
+
+
+def design_level(structure: str, year: int, zone: str) -> str:
+    """The design level of the code in a zone at a time; light wood frames (W1) are never below a minimum."""
+    level = next((name for since, name in _CODES[zone] if year >= since), "pre")
+    return max(level, _LEAST[zone], key=LEVELS.index) if structure == "W1" else level
+
+
+def code_of(facts: BuildingFacts) -> tuple[str, str]:
+    """Design level and type of Hazus."""
+    level = facts.design_level or design_level(facts.structure, facts.year, facts.zone)
+    return level, hazus_type(facts.structure, facts.stories)
+
+
+def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuilding:
+    """The shear building of these facts.
+
+    All floors have the same mass and all stories the same stiffness, so that the fundamental period is that of the
+    type; the strength falls with the height like the story shears of a triangular load.
+    """
+    scatter = scatter or Scatter()
+    n = facts.stories
+    row = hazus_types()[code_of(facts)]
+    mass = _FLOOR_MASS * facts.area
+    period = n * row.period_per_story_s
+    factor = 0.4053 * n**2 + 0.405 * n + 0.1869
+    stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
+    below = np.arange(n)
+    first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
+    strength = row.yield_acceleration_g * first_mode * mass * _GRAVITY * n * (1.0 - below * (below + 1) / (n * (n + 1)))
+    over = row.overstrength - 1.0
+    masses = np.full(n, mass)
+    modes = solve_modes(masses, stiffness, np.minimum(below, 1.0))
+    ratio = (row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio) * scatter.damping
+    return DerivedBuilding(
+        design_level=row.design_level,
+        type=row.type,
+        rule_period=period,
+        period=float(2.0 * math.pi / modes.omega[0]),
+        damping_ratio=ratio,
+        mass=masses,
+        height=np.full(n, _STORY_HEIGHT if facts.height is None else facts.height / n),
+        stiffness=stiffness,
+        yield_force=strength,
+        ultimate_force=row.overstrength * strength,
+        ultimate_drift=strength / stiffness + over * strength / (row.post_yield_ratio * stiffness),
+        pinching=row.pinching,
+        unloading=row.unloading_exponent,
+        damping=_damping(modes.omega, ratio, facts.mass_only),
+    )
+
+
+def _damping(omega: np.ndarray, ratio: float, mass_only: bool) -> RayleighRatio | RayleighCoefficients:
+    """Rayleigh damping over modes 1 and 3 (or the last one); of one story half from the mass, half from the
+    stiffness."""
+    last = min(omega.size, 3)
+    if last == 1:
+        coefficients = RayleighCoefficients(mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0]))
+    else:
+        target = RayleighRatio((ratio, ratio), (1, last))
+        if not mass_only:
+            return target
+        coefficients = rayleigh(target, float(omega[0]), float(omega[last - 1]))
+    return RayleighCoefficients(coefficients.mass, 0.0) if mass_only else coefficients

@@ -1,0 +1,130 @@
+"""What is unusual for a building, told before it misleads: mostly a unit that was mistaken. It is never refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.model.building import Building, falling_stories, stiffness_after_yield
+from tdint.model.definition import Model
+from tdint.units import STANDARD_GRAVITY
+
+_FEW = 3  # stories or motions that a line names
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What is usual of a number: its name, from where to where, how it is written, and why."""
+
+    name: str
+    low: float
+    high: float
+    form: str
+    reason: str
+
+    def text(self, value: float) -> str:
+        """The number as people read it."""
+        return self.form.format(value)
+
+    def holds(self, value: float) -> bool:
+        """Whether a number is usual; one that is not known is."""
+        return math.isnan(value) or self.low <= value <= self.high
+
+    def told(self, values: str) -> str:
+        """The line on what is not usual: the number and its place in words."""
+        ends = f"{self.text(self.low)} to {self.text(self.high)}"
+        usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else f"{ends}"
+        return f"{self.name} {values}, usual: {usual} ({self.reason})"
+
+
+_SECONDS, _PERCENT, _METERS, _GRAVITY = "{:.3g} s", "{:.3%}", "{:.3g} m", "{:.3g} g"
+
+PERIOD = Usual(
+    "fundamental period",
+    0.03,
+    12.0,
+    _SECONDS,
+    "a one-story masonry house has 0.05 s, the tallest towers 10 s: are the units of mass and stiffness right?",
+)
+DAMPING = Usual(
+    "damping ratio of the first mode",
+    0.0,
+    0.20,
+    "{:.3g}",
+    "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05",
+)
+HEIGHT = Usual(
+    "story height",
+    1.5,
+    15.0,
+    _METERS,
+    "below it nobody stands, above it a hall ends: is the unit of length right?",
+)
+STRENGTH = Usual(
+    "yield force over the weight above:",
+    0.005,
+    3.0,
+    "{:.3g}",
+    "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
+)
+PGA = Usual(
+    "peak ground acceleration",
+    1e-4,
+    2.5,
+    _GRAVITY,
+    "the largest ever recorded are near 2 to 3 g, below 1e-4 g nobody feels it: are the units of the record right?",
+)
+COLLAPSE = Usual(
+    "collapse_drift",
+    0.0,
+    0.20,
+    "{:.3g}",
+    "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
+)
+DUCTILITY = Usual(
+    "ductility", 0.0, 50.0, "{:.3g}",
+    "tests end below 20: is the yield force, or the unit of the record, right?",
+)  # fmt: skip
+"""All bounds: wide enough that a usual building or record is never told of, narrow enough for a unit of 1000."""
+
+
+def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str, ...]:
+    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each; and what can be said of its
+    stories before it is run: P-delta beyond the stiffness after yield, isolators that nothing brings back."""
+    omega, damping = building.first_mode()
+    told = []
+    for bound, value in (
+        (PERIOD, 2.0 * math.pi / omega),
+        (DAMPING, damping),
+        (PGA, pga / STANDARD_GRAVITY),
+        (COLLAPSE, model.collapse_drift),
+    ):
+        if not bound.holds(value):
+            told.append(bound.told(bound.text(value)))
+    weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
+    stiffness = np.array([story.stiffness for story in model.stories])
+    told += unusual_stories(HEIGHT, building.heights)
+    told += unusual_stories(STRENGTH, building.yield_drift * stiffness / weight)
+    loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
+    if loose:
+        told.append(
+            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing brings it back to "
+            "its place, residual drifts are the motion's chance; give it hardening"
+        )
+    return (*told, *falling_stories(model))
+
+
+def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
+    """A line on the stories whose values are not usual; none if all are."""
+    return unusual(bound, {f"story {number}": value for number, value in enumerate(values, start=1)})
+
+
+def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
+    """A line on the places whose values are not usual, the first few by name; none if all are."""
+    places = [f"{bound.text(value)} in {place}" for place, value in values.items() if not bound.holds(value)]
+    more = f" and {len(places) - _FEW} more" if len(places) > _FEW else ""
+    return [bound.told(", ".join(places[:_FEW]) + more)] if places else []

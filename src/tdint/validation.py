@@ -1,0 +1,385 @@
+"""What computes the cases: motions that are known exactly, tables of textbooks, and results that other programs print
+for models that can be written down in full."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from scipy.special import ellipj, ellipk
+
+from tdint.analysis.run.outcome import Response
+from tdint.analysis.run.overview import modes
+from tdint.analysis.run.run import run
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.static import cyclic_test
+from tdint.arrays import Array as Array
+from tdint.campaign.fragility.fits import fit_stripes
+from tdint.ground_motion.reading.read import make_record
+from tdint.model.config.model_file import load_model
+from tdint.tabular import Several
+
+# ---- A case: something that is known from elsewhere, and how this program computes it
+
+ROUNDING = "rounding of the source"
+NUMERICAL = "numerical error"
+MODEL = "model error"
+
+
+@dataclass(frozen=True)
+class ValidationCase:
+    """What is known, from where, and how it is computed here.
+
+    Attributes
+    ----------
+    name : str
+        Short, as in tables.
+    title : str
+        What it shows, in a sentence.
+    source : str
+        Author, year, table or equation.
+    unit : str
+        Of the numbers; "1" for none.
+    quantities : tuple of str
+        What the numbers are, each.
+    published : tuple of float
+        The known numbers.
+    computed : callable
+        Computes as many numbers with the installed program.
+    tolerance : float
+        Largest difference that the case allows, in the unit; relative if `relative`.
+    difference_is : str
+        `ROUNDING`, `NUMERICAL` or `MODEL`: what the difference is made of.
+    relative : bool
+        Differences are taken over the published numbers.
+    remark : str
+        What a reader should know of the difference.
+    """
+
+    name: str
+    title: str
+    source: str
+    unit: str
+    quantities: tuple[str, ...]
+    published: tuple[float, ...]
+    computed: Callable[[], Sequence[float] | Array]
+    tolerance: float
+    difference_is: str
+    relative: bool = False
+    remark: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _without_computing, (
+            {one.name: getattr(self, one.name) for one in fields(self) if one.name != "computed"},
+        )
+
+
+def _without_computing(values: dict[str, Any]) -> ValidationCase:
+    """A case that has travelled to another process: it tells what it is, and computes nothing."""
+    return ValidationCase(**values, computed=tuple)
+
+
+def cases_of(
+    group: str,
+    computed: Mapping[str, Callable[[], Array]],
+    known: Mapping[str, tuple[float, ...]],
+) -> tuple[ValidationCase, ...]:
+    """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that a formula gives."""
+    text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
+    found = []
+    for said in tomllib.loads(text)[group]:
+        name = said["name"]
+        published = tuple(said.pop("published", ())) or known[name]
+        quantities = tuple(said.pop("quantities"))
+        found.append(ValidationCase(**said, published=published, quantities=quantities, computed=computed[name]))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class ValidationResult:
+    """A case and what came of it.
+
+    Attributes
+    ----------
+    computed, differences : ndarray
+        Numbers, and computed less published (over published where the case is relative).
+    """
+
+    case: ValidationCase
+    computed: Array
+    differences: Array
+
+    @property
+    def largest(self) -> float:
+        """The largest difference; infinite if a number is not finite."""
+        sizes = np.abs(self.differences)
+        return float(np.max(sizes)) if np.all(np.isfinite(sizes)) else float("inf")
+
+    @property
+    def within(self) -> bool:
+        """Whether every number is within the tolerance."""
+        return self.largest <= self.case.tolerance
+
+
+def carry_out(case: ValidationCase) -> ValidationResult:
+    """Compute a case.
+
+    Raises
+    ------
+    TdintError
+        A run that the case needs failed.
+    """
+    computed = np.asarray(case.computed(), float)
+    published = np.asarray(case.published, float)
+    if computed.shape != published.shape:
+        raise ValueError(f"{case.name}: {computed.size} numbers for {published.size}")
+    differences = computed - published
+    return ValidationResult(case, computed, differences / np.abs(published) if case.relative else differences)
+
+
+# ---- Cases
+
+_OMEGA = 2.0 * math.pi
+_XI = 0.05
+
+
+def _oscillator(method: str, dt: float, duration: float, **said: Any) -> Response:
+    """Motion of an oscillator of 1 kg, of period 1 s unless it has another law."""
+    story = {"mass": 1.0} | (said.pop("story", None) or {"stiffness": _OMEGA**2})
+    model = {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said
+    return run(load_model(model), history=True)
+
+
+def _last(response: Response) -> float:
+    assert response.history is not None
+    return float(response.history.displacement[-1, 0])
+
+
+def _free_vibration() -> Array:
+    """Displacement at 1.3 s of a damped oscillator let go at 1 m."""
+    start = {"displacement": [1.0], "velocity": [0.0]}
+    damped = {"damping": {"modal": _XI}, "initial": start}
+    return np.array([_last(_oscillator("exact", 0.1, 1.3, **damped))])
+
+
+def _freely(t: float) -> float:
+    damped = _OMEGA * math.sqrt(1.0 - _XI**2)
+    sine = _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * t)
+    return math.exp(-_XI * _OMEGA * t) * (math.cos(damped * t) + sine)
+
+
+def _resonance() -> Array:
+    """Displacement at 4.9 s under a force of 1 N at the natural frequency, from rest, without damping."""
+    force = {"excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}}
+    return np.array([_last(_oscillator(method, 0.01, 4.9, **force)) for method in ("moment4", "impulse4")])
+
+
+def _in_resonance(t: float) -> float:
+    return (math.sin(_OMEGA * t) - _OMEGA * t * math.cos(_OMEGA * t)) / (2.0 * _OMEGA**2)
+
+
+def _sudden_step() -> Array:
+    """Largest displacement of oscillators under a suddenly constant ground acceleration of 1 m/s^2."""
+    record = make_record(np.ones(1001), dt=0.01, units="m/s^2")
+    return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
+
+
+_DUFFING = {"type": "polynomial", "coefficients": [100.0, 0.0, 1000.0]}  # u'' + 100 u + 1000 u^3 = 0 from 1.5 m
+
+
+def _duffing_frequency() -> tuple[float, float]:
+    """Circular frequency of the elliptic cosine, and its parameter m."""
+    square = 100.0 + 1000.0 * 1.5**2
+    return math.sqrt(square), 1000.0 * 1.5**2 / (2.0 * square)
+
+
+def _duffing() -> Array:
+    """Displacement after 13.3 periods in steps of a 300th of one."""
+    omega, m = _duffing_frequency()
+    period = 4.0 * float(ellipk(m)) / omega
+    start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
+    return np.array(
+        [_last(_oscillator(method, period / 300.0, 13.3 * period, **start)) for method in ("moment4", "impulse4")]
+    )
+
+
+def _elliptic_cosine() -> float:
+    _, m = _duffing_frequency()
+    return 1.5 * float(ellipj(13.3 * 4.0 * float(ellipk(m)), m)[1])
+
+
+def _energy_kept() -> Array:
+    """Largest change of the Duffing oscillator's energy over the energy at the start, 200 steps of `moment4`."""
+    start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
+    history = _oscillator("moment4", 0.05, 10.0, **start).history
+    assert history is not None
+    u, v = history.displacement[:, 0], history.velocity[:, 0]
+    energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
+    return np.array([np.max(np.abs(energy / energy[0] - 1.0))])
+
+
+def _bilinear_loop() -> Array:
+    """Work of a bilinear story over a whole cycle, J: 4 (1 - a) Fy (D - dy)."""
+    law = {"type": "bilinear", "yield_force": 10.0, "hardening": 0.05}
+    model = load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 1000.0, "law": law}]})
+    return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].dissipated])
+
+
+def closed_form_cases() -> tuple[ValidationCase, ...]:
+    """Motions that are known exactly."""
+    steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
+    known = {
+        "free-vibration": (_freely(1.3),),
+        "resonance": (_in_resonance(4.9),) * 2,
+        "sudden-step": steps,
+        "duffing": (_elliptic_cosine(),) * 2,
+        "energy-kept": (0.0,),
+        "bilinear-loop": (4.0 * 0.95 * 10.0 * (0.03 - 0.01),),
+    }
+    return cases_of("closed-form", _CLOSED_FORMS, known)
+
+
+_CLOSED_FORMS = {
+    "free-vibration": _free_vibration,
+    "resonance": _resonance,
+    "sudden-step": _sudden_step,
+    "duffing": _duffing,
+    "energy-kept": _energy_kept,
+    "bilinear-loop": _bilinear_loop,
+}
+
+
+INCH = 0.0254
+
+
+def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
+    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many steps of 0.1 s."""
+    model = load_model(
+        {
+            "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
+            "stories": [{"mass": 0.2533, "stiffness": 10.0} | ({"law": dict(law)} if law else {})],
+            "damping": {"modal": 0.05},
+        }
+    )
+    force = [10.0 * math.sin(math.pi * i / 6.0) if i < 6 else 0.0 for i in range(11)]
+    record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
+    history = run(model, record, method=method, history=True).history
+    assert history is not None
+    return np.asarray(history.displacement[1 : steps + 1, 0] / INCH)
+
+
+_PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
+
+
+def _bathe(method: str) -> Array:
+    """Both displacements at 3.36 s of Bathe's two masses between walls, 12 steps of 0.28 s."""
+    model = load_model(
+        {
+            # The spring from the second mass to the wall is a story under a mass that stays where it is.
+            "stories": [{"mass": 2, "stiffness": 4}, {"mass": 1, "stiffness": 2}, {"mass": 1e12, "stiffness": 2}],
+            "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
+            "analysis": {"dt": 0.28, "duration": 3.36},
+        }
+    )
+    history = run(model, method=method, history=True).history
+    assert history is not None
+    return np.asarray(history.displacement[-1, :2])
+
+
+def _five_yielding_stories() -> Array:
+    """Roof displacement at 2 s, m (Chopra, example 16.4, as StructDyn computes it)."""
+    law = {"type": "bilinear", "yield_force": 125, "hardening": 0.05 / 1.05}
+    model = load_model(
+        {
+            "units": {"length": "m", "force": "kN", "mass": "t"},
+            "stories": [{"repeat": 5, "mass": 25.91, "stiffness": 10000, "law": law}],
+            "damping": {"modal": 0.05},
+        }
+    )
+    samples = [1.93 * math.sin(2.0 * math.pi * i / 10) if i <= 10 else 0.0 for i in range(21)]
+    record = make_record(samples, dt=0.1, units="m/s^2")
+    history = run(model, record, method="newmark-average", history=True).history
+    assert history is not None
+    return np.asarray(history.displacement[-1:, 4])
+
+
+def _circular_frequencies(*stories: dict[str, Any]) -> Array:
+    return np.asarray(modes(load_model({"stories": list(stories)})).omega)
+
+
+def _eigenvalues_of_three_masses() -> Array:
+    stories = ({"mass": 11.1, "stiffness": 30}, {"mass": 22.2, "stiffness": 20}, {"mass": 33.3, "stiffness": 10})
+    return _circular_frequencies(*stories) ** 2
+
+
+def _frequencies_of_eight_masses() -> Array:
+    """Frequencies (Hz) of eight masses between walls; that of the wall, which is a mass, is left out."""
+    masses, wall = {"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5}
+    return _circular_frequencies(masses, wall)[1:] / (2.0 * math.pi)
+
+
+def _forced_by_a_sine() -> Array:
+    """Natural frequency (Hz) and displacement (m) at 1 s of code_aster's SDLD106."""
+    model = load_model(
+        {
+            "stories": [{"mass": 100, "stiffness": 100.0 * (0.2 * math.pi) ** 2}],
+            "excitation": {"forces": [{"floor": 1, "amplitude": 1, "omega": 1, "phase": "sin"}]},
+            "analysis": {"dt": 0.05, "duration": 1},
+        }
+    )
+    history = run(model, method="impulse4", history=True).history
+    assert history is not None
+    return np.array([modes(model).omega[0] / (2.0 * math.pi), history.displacement[-1, 0]])
+
+
+def _stripes() -> Array:
+    found = fit_stripes([0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8)
+    return np.array([found.theta, found.beta])
+
+
+_TEXTBOOKS: dict[str, Callable[[], Array]] = {
+    "chopra-E5.1": partial(_chopra_5, "exact"),
+    "chopra-E5.2": partial(_chopra_5, "central-difference"),
+    "chopra-E5.3": partial(_chopra_5, "newmark-average"),
+    "chopra-E5.4": partial(_chopra_5, "newmark-linear"),
+    "chopra-E5.5": partial(_chopra_5, "newmark-average", _PLASTIC, 9),
+    "chopra-E5.5 by Hyfeast": partial(_chopra_5, "newmark-average", _PLASTIC),
+    "bathe-9.1": partial(_bathe, "central-difference"),
+    "bathe-9.3": partial(_bathe, "newmark-average"),
+    "bathe-9.3 (1976)": partial(_bathe, "wilson:theta=1.4"),
+    "bathe-9.4": partial(_bathe, "bathe"),
+    "bathe-9.7": partial(_bathe, "exact"),
+    "structdyn-16.4": _five_yielding_stories,
+    "opensees-eigen": _eigenvalues_of_three_masses,
+    "chopra-10.4": partial(_circular_frequencies, {"mass": 2, "stiffness": 2}, {"mass": 1, "stiffness": 1}),
+    "code-aster-sdld02": _frequencies_of_eight_masses,
+    "code-aster-sdld106": _forced_by_a_sine,
+    "baker-2015": _stripes,
+}
+
+
+def textbook_cases() -> tuple[ValidationCase, ...]:
+    """Tables of textbooks and printed results of other programs."""
+    return cases_of("textbook", _TEXTBOOKS, {})
+
+
+def validate() -> Several[ValidationResult]:
+    """Closed forms, tables of textbooks and printed results of other programs beside those of this installation.
+
+    Returns
+    -------
+    Several of ValidationResult
+        For each case the largest difference, and whether it is within what the case allows.
+
+    Raises
+    ------
+    AnalysisError
+        A case cannot be run.
+    """
+    return Several([carry_out(case) for case in (*closed_form_cases(), *textbook_cases())])

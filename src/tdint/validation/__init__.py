@@ -1,1 +1,0 @@
-"""Published and exact results, beside those of this installation"""

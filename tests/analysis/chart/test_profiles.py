@@ -1,0 +1,281 @@
+"""Many problems: performance profiles in closed form, sets of problems, and a ranking that was computed by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from building_cases import noise, ten_bilinear, ten_linear
+from tdint import chart_many, run, to_dict
+from tdint.analysis.chart.problem import pose
+from tdint.analysis.chart.profiles import (
+    PARTS,
+    PEAKS,
+    STANDARD,
+    TOLERANCES,
+    FieldProblem,
+    Measured,
+    PeakErrors,
+    field_chart,
+    measure_problem,
+    read_problems,
+)
+from tdint.analysis.chart.work_precision import PerformanceProfile, Point, performance_ratios, within
+from tdint.errors import AnalysisError, ModelError, UsageError
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+
+NAN, INF = math.nan, math.inf
+
+
+# ---- The logic, on numbers
+
+
+def test_ratios_are_costs_over_the_least_of_their_problem():
+    costs = np.array([[1.0, 2.0, NAN], [4.0, 2.0, 8.0], [NAN, NAN, NAN]])
+    np.testing.assert_array_equal(performance_ratios(costs), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF, INF, INF]])
+
+
+def test_a_profile_counts_what_is_solved_at_a_factor():
+    profile = PerformanceProfile("peak_drift", 0.01, "a", (1.0, 1.05, 3.0, INF))
+    assert [profile.within(factor) for factor in (0.9, 1.0, 1.1, 2.0, 3.0, 1e9)] == [0, 1, 2, 2, 3, 3]
+    assert (profile.problems, profile.solved, profile.median, profile.worst) == (4, 3, 2.025, 3.0)
+    none = PerformanceProfile("peak_drift", 0.01, "a", (INF, INF))
+    assert (none.solved, none.median) == (0, INF) and math.isnan(none.worst)
+
+
+def points(line, order, cost, error=1.0, fails=()):
+    """A method with errors error * part^order and costs cost / part."""
+    return [
+        Point(line, part, round(1 / part), "diverged", line=line)
+        if part in fails
+        else Point(
+            line, part, round(1 / part), "done", errors=PeakErrors(*3 * (error * part**order,)),
+            times=(cost / part,), line=line,
+        )
+        for part in PARTS
+    ]  # fmt: skip
+
+
+def measured(*lines, name="one", gap=0.0):
+    return Measured(name, "noise", "", 1, 1.0, 1.0, NAN, 0, "", PeakErrors(*3 * (gap,)), tuple(chain(*lines)))
+
+
+def test_a_small_error_at_a_large_step_is_no_merit():
+    line = points("a", 2, 1.0)
+    line[0] = replace(line[0], errors=PeakErrors(0.0, 0.0, 0.0))  # 16 samples, by chance
+    assert [point.dt for point in within(line, "a", "peak_drift", 0.05)] == sorted(p for p in PARTS if p**2 <= 0.05)
+    assert within(line, "b", "peak_drift", 0.05) == []
+
+
+def test_methods_of_two_orders_fare_as_their_formulas_say():
+    """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <= sqrt(e), e^(1/4)."""
+    chart = field_chart([measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))])
+    found = {(one.tolerance, one.method): one.ratios[0] for one in chart.profiles if one.quantity == "peak_drift"}
+    for tolerance in TOLERANCES:
+        costs = [
+            cost / max((part for part in PARTS if part**order <= tolerance), default=NAN)
+            for order, cost in ((2, 1.0), (4, 3.0))
+        ]
+        for line, cost in zip(("two", "four"), costs, strict=True):
+            assert found[tolerance, line] == pytest.approx(INF if math.isnan(cost) else cost / np.nanmin(costs))
+        assert found[tolerance, "none"] == INF
+    assert found[0.0001, "two"] == INF  # 1/16 has an error of 4e-3
+    assert chart.lines == ["two", "four", "none"]
+
+
+def test_a_reference_judges_what_it_is_known_well_enough_for():
+    chart = field_chart([measured(points("a", 4, 1.0), gap=1e-3), measured(points("a", 4, 1.0), gap=1e-9)])
+    problems = {one.tolerance: one.problems for one in chart.profiles if one.quantity == "peak_acceleration"}
+    assert problems == {0.1: 2, 0.03: 2, 0.01: 2, 0.003: 1, 0.001: 1, 0.0001: 1}
+    with pytest.raises(AnalysisError, match="no reference is known well enough"):
+        field_chart([measured(points("a", 4, 1.0), gap=1.0)]).leaders()
+
+
+def test_leaders():
+    """Cheap and coarse, dear and sure, and one that is for some problems only."""
+    both = [points("coarse", 1, 1.0, error=1e-2), points("sure", 4, 5.0, error=1e-6), points("fine", 4, 2.0, error=0.1)]
+    blow = [
+        points("coarse", 1, 1.0, fails=PARTS),
+        points("sure", 4, 8.0, error=1e-6),
+        points("fine", 4, 2.0, error=0.1),
+    ]
+    chart = field_chart([measured(*both), measured(*both), measured(*blow), measured(*both, points("exact", 9, 1e-9))])
+    leaders = chart.leaders()
+    assert leaders.safest == "sure"
+    assert leaders.coarse in ("coarse", "sure")
+    assert "exact" not in leaders  # it was not given all problems
+
+
+def test_other_programs_do_not_change_what_is_best():
+    ours, theirs = points("a", 2, 1.0), points("prog/b", 2, 0.25)
+    alone, beside = field_chart([measured(ours)]), field_chart([measured(ours, theirs), measured(ours)])
+    one = {(p.quantity, p.tolerance): p.ratios for p in alone.profiles}
+    for profile in beside.profiles:
+        if profile.method == "a":
+            assert profile.ratios == 2 * one[profile.quantity, profile.tolerance]
+        else:
+            assert profile.ratios in ((0.25,), (INF,))
+
+
+# ---- Sets of problems
+
+
+def test_the_standard_set():
+    given = read_problems(STANDARD)
+    assert len(given) == 36
+    assert len({one.name for one in given}) == 12 and len({one.motion for one in given}) == 3
+    assert all(one.reason for one in given)
+    near = next(one for one in given if (one.name, one.motion) == ("bilinear", "near-fault"))
+    assert near.posed.building.stories == 10
+    assert near.posed.samples * near.posed.interval == pytest.approx(28.32)
+
+
+FAULTY = """
+records:
+  a: {file: motion.mseed, component: HNE, units: m/s^2}
+  b: {component: HNE}
+problems:
+  - {name: one, model: {stories: [{mass: 1, stiffnes: 10}]}, scales: {a: 0, c: 1}}
+  - {model: none.yaml}
+"""
+
+
+def test_all_faults_of_a_file_of_problems_at_their_places(tmp_path):
+    file = tmp_path / "faulty.yaml"
+    file.write_text(FAULTY)
+    with pytest.raises(ModelError) as caught:
+        read_problems(file)
+    told = str(caught.value)
+    for part in ("4:6: records.b.file: is missing", "stiffnes", "scales.a: must not be zero", "scales.c: unknown key"):
+        assert part in told, told
+
+
+def test_a_call_takes_models_or_problems():
+    for given in ({}, {"models": [ten_linear()], "problems": STANDARD}):
+        with pytest.raises(UsageError, match="either models"):
+            chart_many(**given)
+
+
+# ---- Two problems by another way
+
+
+def restated(building, ground, h, parts):
+    """Peaks of drift, absolute acceleration and total shear by a fourth-order Runge-Kutta loop with steps h / parts:
+    u, v and the hysteretic force z of each bilinear (or linear) story, whose rate vanishes while it yields."""
+    made = assemble(building)
+    n, mass = made.stories, made.mass
+    laws = [one.law for one in building.stories]
+    stiffness = np.array([one.stiffness for one in building.stories])
+    hardening = np.array([law.parameters[1] if law.parameters else 1.0 for law in laws])
+    yields = np.array([law.parameters[0] if law.parameters else INF for law in laws])
+    strength = np.where(np.isfinite(yields), (1.0 - hardening) * yields, INF)
+    damping = made.damping_matrix()
+    times = h * np.arange(ground.size)
+
+    def rate(t, y):
+        u, v, z = y
+        drift_rate = np.diff(v, prepend=0.0)
+        shear = hardening * stiffness * np.diff(u, prepend=0.0) + np.clip(z, -strength, strength)
+        dz = (1.0 - hardening) * stiffness * drift_rate
+        dz = np.where((np.abs(z) >= strength) & (z * dz > 0.0), 0.0, dz)
+        force = -damping @ v - shear
+        force[:-1] += shear[1:]
+        return np.array([v, force / mass - np.interp(t, times, ground), dz])
+
+    y = np.zeros((3, n))
+    step = h / parts
+    peaks = np.zeros((3, n))
+    for i in range((ground.size - 1) * parts):
+        t = i * step
+        k1 = rate(t, y)
+        k2 = rate(t + step / 2, y + step / 2 * k1)
+        k3 = rate(t + step / 2, y + step / 2 * k2)
+        k4 = rate(t + step, y + step * k3)
+        y = y + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        y[2] = np.clip(y[2], -strength, strength)
+        total = rate(t + step, y)[1] + np.interp(t + step, times, ground)
+        shear = np.cumsum((mass * total)[::-1])[::-1]
+        peaks = np.maximum(peaks, np.abs([np.diff(y[0], prepend=0.0), total, shear]))
+    return peaks
+
+
+def exact(building, ground, h, parts):
+    """The same of a linear building by the matrix exponential."""
+    made = assemble(building)
+    n = made.stories
+    inverse = np.diag(1.0 / made.mass)
+    c, k = inverse @ made.damping_matrix(), inverse @ made.stiffness_matrix()
+    system = np.zeros((2 * n + 2, 2 * n + 2))
+    system[:n, n : 2 * n] = np.eye(n)
+    system[n : 2 * n, :n], system[n : 2 * n, n : 2 * n], system[n : 2 * n, 2 * n] = -k, -c, -1.0
+    system[2 * n, 2 * n + 1] = 1.0
+    over = expm(system * h / parts)
+    state = np.zeros(2 * n + 2)
+    peaks = np.zeros((3, n))
+    for i in range(ground.size - 1):
+        state[2 * n :] = ground[i], (ground[i + 1] - ground[i]) / h
+        for _ in range(parts):
+            state = over @ state
+            total = -k @ state[:n] - c @ state[n : 2 * n]
+            shear = np.cumsum((made.mass * total)[::-1])[::-1]
+            peaks = np.maximum(peaks, np.abs([np.diff(state[:n], prepend=0.0), total, shear]))
+    return peaks
+
+
+LINES = ("newmark-average", "impulse4", "moment4")
+
+
+@pytest.mark.parametrize(
+    ("building", "own"), [(ten_linear(), exact), (ten_bilinear(), restated)], ids=["linear", "bilinear"]
+)
+def test_the_ranking_is_that_of_errors_found_and_costs_compared_in_another_way(building, own):
+    record = noise(samples=289, peak=6.0)
+    posed = pose(building, record)
+    found = measure_problem(FieldProblem("one", "noise", "", posed), [parse(line) for line in LINES], repeats=1)
+    assert found.gap.worst < 2e-4
+    # Errors: of runs against peaks from a loop of the test's own, which errs less than what halving its step does
+    ground = np.append(record.acceleration, 0.0)[: posed.samples + 1]
+    coarse, true = (own(building, ground, record.dt, parts) for parts in (8, 16))
+    unsure = np.max(np.abs(coarse / true - 1.0)) + found.gap.worst
+    assert unsure < 0.03
+    for point in found.points:
+        if point.errors is None or point.dt > 8.5 * record.dt:
+            continue
+        peaks = run(building, record, method=point.method, dt=point.dt).stories
+        again = [np.max(np.abs(getattr(peaks, name) / row - 1.0)) for name, row in zip(PEAKS, true, strict=True)]
+        np.testing.assert_allclose([point.error(name) for name in PEAKS], again, atol=unsure, rtol=1e-6)
+    # Ranking: the costs that were measured, compared by a plain search
+    chart = field_chart([found])
+    for quantity in PEAKS:
+        for tolerance in TOLERANCES:
+            costs = {}
+            for line in LINES:
+                mine = sorted((p for p in found.points if p.line == line), key=lambda p: p.dt)
+                errors = [p.error(quantity) for p in mine]
+                good = [i for i in range(len(mine)) if all(error <= tolerance for error in errors[: i + 1])]
+                costs[line] = min((min(mine[i].times) for i in good), default=INF)
+            judged = found.gap.of(quantity) <= 0.2 * tolerance
+            ranked = {
+                p.method: p.ratios[0] for p in chart.profiles if (p.quantity, p.tolerance) == (quantity, tolerance)
+            }
+            assert bool(ranked) == judged
+            for line in ranked:
+                least = min(costs.values())
+                assert ranked[line] == pytest.approx(costs[line] / least if costs[line] < INF else INF)
+
+
+def test_many_from_python():
+    """One building under two motions: columns, a line, ratios from 1."""
+    records = [noise(samples=97), noise(samples=97, seed=8)]
+    chart = chart_many(ten_linear(), records, methods=("newmark-average", "impulse4", "exact"))
+    assert repr(chart) == "<FieldChart of 3 methods, 2 problems>"
+    table = to_dict(chart)
+    assert len(table["method"]) == len(PEAKS) * len(TOLERANCES) * 3
+    assert all(1 <= solved <= 2 for solved, e in zip(table["solved"], table["tolerance"], strict=True) if e == 0.1)
+    assert min(ratio for one in chart.profiles for ratio in one.ratios) == 1.0

@@ -1,0 +1,85 @@
+"""Response spectrum analysis: a two-story frame by hand, and linear buildings beside their time histories."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tdint
+from building_cases import model, story
+from tdint.analysis.spectra.modal import correlations
+from tdint.errors import UsageError
+from tdint.units import STANDARD_GRAVITY as G
+
+RECORDS = Path(__file__).parents[3] / "records"
+
+
+def table(folder, periods, psa):
+    """The file of a target with these pseudo-accelerations (m/s^2)."""
+    file = folder / "target.csv"
+    file.write_text("period_s,sa_m_s2\n" + "".join(f"{t:.12g},{a:.12g}\n" for t, a in zip(periods, psa, strict=True)))
+    return str(file)
+
+
+def test_a_two_story_frame_by_hand(tmp_path):
+    """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3, -1/3 (Chopra)."""
+    m, k, a = 100.0, 4e4, 0.3 * G
+    result = tdint.modal_response(model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a]))
+    omega = np.sqrt([k / (2 * m), 2 * k / m])
+    assert result.period == pytest.approx(2.0 * math.pi / omega, rel=1e-12)
+    assert result.mass_ratio == pytest.approx([8.0 / 9.0, 1.0 / 9.0], rel=1e-12)
+    factor, shapes = np.array([4.0, -1.0]) / 3.0, np.array([[0.5, 1.0], [-1.0, 1.0]])
+    displacement = factor[:, None] * shapes * (a / omega**2)[:, None]
+    forces = factor[:, None] * shapes * a * np.array([2 * m, m])
+    peaks = {
+        "displacement": displacement,
+        "drift": np.diff(displacement, axis=1, prepend=0.0),
+        "shear": np.array([forces.sum(axis=1), forces[:, 1]]).T,
+    }
+    # Frequencies 1 to 2 at 5 %: 8 z^2 (1 + r) r^1.5 / ((1 - r^2)^2 + 4 z^2 r (1 + r)^2) with r = 1/2
+    rho = 8.0 * 0.05**2 * 1.5 * 0.5**1.5 / (0.75**2 + 4.0 * 0.05**2 * 0.5 * 1.5**2)
+    for name, (first, second) in peaks.items():
+        assert getattr(result, f"{name}_srss") == pytest.approx(np.hypot(first, second), rel=1e-12)
+        cqc = np.sqrt(first**2 + second**2 + 2.0 * rho * first * second)
+        assert getattr(result, f"{name}_cqc") == pytest.approx(cqc, rel=1e-12)
+
+
+def test_correlations_have_the_published_values():
+    """At 5 % and ratios 0.9, 0.8, 0.5; symmetric, 1 of a mode with itself."""
+    rho = correlations(np.array([0.5, 0.8, 0.9, 1.0]), 0.05)
+    assert rho[3, :3] == pytest.approx([0.018486, 0.165635, 0.473028], abs=5e-7)
+    assert rho == pytest.approx(rho.T, rel=1e-12)
+    assert np.diagonal(rho) == pytest.approx(np.ones(4), rel=1e-14)
+
+
+def test_the_mean_of_time_histories(tmp_path):
+    """Ten linear stories at 5 %, under five motions, and the mean of their own spectra as the target."""
+    frame = tdint.load_model(
+        {
+            "stories": [{"mass": 2e5, "height": 3.0, "stiffness": 3e8 * (1.0 - 0.05 * i)} for i in range(10)],
+            "damping": {"modal": 0.05},
+            "analysis": {"method": "exact"},
+        }
+    )
+    names = ("firm-soil.mseed", "near-fault.mseed", "soft-soil.mseed")
+    records = [tdint.read_record(RECORDS / name, component="HN1") for name in names]
+    periods = np.unique([*np.geomspace(0.02, 3.0, 100), *(2.0 * math.pi / tdint.modes(frame).omega)])
+    psa = np.mean([tdint.spectrum(record, periods, damping=0.05).psa for record in records], axis=0)
+    result = tdint.modal_response(frame, table(tmp_path, periods, psa))
+    stories = [tdint.run(frame, record).stories for record in records]
+    assert result.drift_cqc == pytest.approx(np.mean([peaks.peak_drift for peaks in stories], axis=0), rel=0.15)
+    assert result.shear_cqc == pytest.approx(np.mean([peaks.peak_shear for peaks in stories], axis=0), rel=0.15)
+    moved = np.mean([peaks.peak_displacement for peaks in stories], axis=0)
+    assert result.displacement_cqc == pytest.approx(moved, rel=0.15)
+
+
+def test_modes_outside_the_target(tmp_path):
+    """Short ones move with the ground, or are left out where the target does not say how; long ones are refused."""
+    frame = model([story(100.0, 4e4), story(100.0, 4e7)])
+    left_out = tdint.modal_response(frame, table(tmp_path, [0.1, 9.0], [1.0, 1.0]))
+    assert (left_out.rigid, left_out.left_out, left_out.spectral_acceleration[1]) == (0, 1, 0.0)
+    rigid = tdint.modal_response(frame, table(tmp_path, [0.0, 0.1, 9.0], [0.4, 1.0, 1.0]))
+    assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
+    with pytest.raises(UsageError, match=r"ends at 0.2 s, and the first mode has 0.44"):
+        tdint.modal_response(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))

@@ -1,0 +1,149 @@
+"""Target displacements: the formulas of the two standards by hand, for oscillators that yield without hardening."""
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import Law, model, story
+from tdint import pushover, target_displacements
+from tdint.errors import AnalysisError, UsageError
+from tdint.units import STANDARD_GRAVITY as G
+
+EC8 = "ec8:type=1,soil=C,ag=0.25g"
+
+
+def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
+    law = Law("bilinear", (strength, hardening))
+    return model([story(mass, strength / yield_drift, law, height=3.0)], **more)
+
+
+def flat(tmp_path, acceleration):
+    """The file of a target with one pseudo-acceleration (in g) at all periods."""
+    file = tmp_path / "flat.csv"
+    file.write_text(f"period_s,sa_g\n0.01,{acceleration}\n4,{acceleration}\n")
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("mass", "strength", "yields", "period", "ratio", "displacement"),
+    [
+        (1.2e6, 2.4e6, 0.06, 1.088280, None, 0.116582),  # T* > TC: equal displacements
+        (4.0e5, 1.2e6, 0.008, 0.324462, 2.349510, 0.027964),  # T* < TC: more than the elastic 0.018796
+    ],
+)
+def test_n2_of_an_oscillator(mass, strength, yields, period, ratio, displacement):
+    """EN 1998-1:2004, annex B, by hand, to the six digits that were written down."""
+    n2, _ = target_displacements(pushover(oscillator(mass, strength, yields), "200mm"), EC8)
+    assert (n2.period, n2.roof_displacement) == pytest.approx((period, displacement), rel=2e-6, abs=5e-7)
+    assert (n2.yield_force, n2.yield_displacement) == pytest.approx((strength, yields), rel=1e-6)
+    assert n2.ductility[0] == pytest.approx(displacement / yields, rel=2e-5)
+    if ratio:
+        assert n2.strength_ratio == pytest.approx(ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("period", "acceleration", "strength", "site", "mass_factor", "ratio", "factors", "displacement"),
+    [
+        (1.1, 0.55, 0.12, "D", 1.0, 4.583333, (1.0, 1.0), 0.214908 / 1.3),
+        (0.45, 1.0, 0.2, "D", 0.9, 4.5, (1.288066, 1.075617), 0.083630 / 1.2),
+        (0.15, 1.0, 0.3, "C", 1.0, 3.333333, (1.648148, 1.302469), 0.011998),
+    ],
+)
+def test_coefficients_of_an_oscillator(
+    tmp_path, period, acceleration, strength, site, mass_factor, ratio, factors, displacement
+):
+    """ASCE 41-17, 7.4.3.3, by hand; C0 of one mass is 1."""
+    mass = 2e5
+    force = strength * mass * G
+    case = oscillator(mass, force, force / mass * (period / (2.0 * math.pi)) ** 2)
+    options = {"site_class": site, "mass_factor": mass_factor}
+    _, made = target_displacements(pushover(case, "0.5m"), flat(tmp_path, acceleration), **options)
+    assert made.participation == pytest.approx(1.0, rel=1e-12)
+    assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
+    assert made.factors == pytest.approx(factors, rel=1e-6)
+    assert made.roof_displacement == pytest.approx(displacement, rel=5e-5)  # the digits that were written down
+
+
+def test_a_building_that_stays_elastic_has_its_elastic_displacement():
+    """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the first mode's."""
+    case = model([story(2e5, 1.5e8, Law("bilinear", (4e6, 0.03)), height=3.0)] * 3)
+    n2, coefficients = target_displacements(pushover(case, "4%"), "asce7:sds=0.2,sd1=0.1,tl=8")
+    omega = 2.0 * math.sqrt(1.5e8 / 2e5) * math.sin(math.pi / 14.0)  # three equal masses and springs, fixed at one end
+    shape = np.sin(np.arange(1, 4) * math.pi / 7.0) / math.sin(3.0 * math.pi / 7.0)
+    expected = shape.sum() / (shape @ shape) * min(0.2, 0.1 * omega / (2.0 * math.pi)) * G / omega**2
+    for made in (n2, coefficients):
+        assert made.period == pytest.approx(2.0 * math.pi / omega, rel=1e-6)
+        assert made.roof_displacement == pytest.approx(expected, rel=1e-6)
+        assert made.drift == pytest.approx(np.diff(np.concatenate(([0.0], shape))) * expected, rel=1e-6)
+        assert np.max(made.ductility) < 1.0
+    assert n2.strength_ratio < 1.0
+
+
+def test_two_lines_have_the_area_of_the_curve_and_meet_it():
+    """Hardening stories in series, whose curve has a corner where each yields: the idealized lines of both methods
+    enclose the same work up to the target displacement, and the first one of coefficients meets the curve."""
+    strengths, stiffness, hardening = np.array([8e5, 5e5]), np.array([1.5e8, 1.2e8]), np.array([0.1, 0.05])
+    laws = [Law("bilinear", (strength, a)) for strength, a in zip(strengths, hardening, strict=True)]
+    case = model([story(2e5, k, law, height=3.0) for k, law in zip(stiffness, laws, strict=True)])
+    pushed = pushover(case, "4%")
+    share = np.cumsum(pushed.forces[::-1])[::-1]
+
+    def roof(shear):
+        force = shear * share
+        beyond = np.maximum(force - strengths, 0.0)
+        return float(np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness)))
+
+    n2, made = target_displacements(pushed, EC8)
+    for result, end in ((n2, n2.yield_force), (made, made.base_shear)):
+        assert roof(result.base_shear) == pytest.approx(result.roof_displacement, rel=1e-7)
+        corners = np.array([0.0, *sorted(strengths / share), result.base_shear])
+        at = np.array([roof(shear) for shear in corners])
+        work = np.sum(np.diff(at) * (corners[1:] + corners[:-1])) / 2.0
+        lines = result.yield_force * result.yield_displacement / 2.0
+        lines += (result.yield_force + end) / 2.0 * (result.roof_displacement - result.yield_displacement)
+        assert lines == pytest.approx(work, rel=1e-7)
+    assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-7)
+
+
+def test_a_table_has_its_corner_where_acceleration_and_velocity_meet(tmp_path):
+    from tdint.analysis.spectra.target import read_target
+
+    code = read_target(EC8)
+    file = tmp_path / "ec8.csv"
+    rows = zip(code.periods, code.psa, strict=True)
+    file.write_text("period_s,sa_m_s2\n" + "".join(f"{t:.9g},{a:.12g}\n" for t, a in rows))
+    assert code.corner == 0.6
+    assert read_target(str(file)).corner == pytest.approx(0.6, rel=1e-8)  # periods of nine digits
+
+
+@pytest.mark.parametrize(("acceleration", "told"), [(0.4, False), (0.45, True)])
+def test_strength_that_is_lost_is_told(tmp_path, acceleration, told):
+    """P-delta alone makes the curve fall: 1 + |alpha|^-h / 4 by (7-32), which lies between the two demands."""
+    mass, height = 2e5, 3.0
+    case = oscillator(mass, 0.1 * mass * G, 0.02, p_delta=True)
+    pushed = pushover(case, "0.31m")
+    _, made = target_displacements(pushed, flat(tmp_path, acceleration))
+    k, geometric = 0.1 * mass * G / 0.02, mass * G / height
+    period = 2.0 * math.pi * math.sqrt(mass / (k - geometric))
+    largest = 1.0 + (geometric / (k - geometric)) ** -(1.0 + 0.15 * math.log(period)) / 4.0
+    assert (made.strength_ratio > largest) == told
+    assert len(made.notes) == told
+    if told:
+        assert float(made.notes[0].split("beyond ")[1].split(",")[0]) == pytest.approx(largest, rel=5e-3)  # 3 digits
+    bare = pushover(oscillator(mass, 0.1 * mass * G, 0.02), "0.31m")
+    assert not target_displacements(bare, flat(tmp_path, acceleration))[1].notes
+
+
+@pytest.mark.parametrize(
+    ("drift", "options", "error", "message"),
+    [
+        ("30mm", {}, AnalysisError, "is beyond the curve"),
+        ("200mm", {"site_class": "X"}, UsageError, "site_class must be one of A, B, C, D, E, F, got 'X'"),
+        ("200mm", {"mass_factor": 2.0}, UsageError, "mass_factor must be above 0 and at most 1, got 2.0"),
+    ],
+)
+def test_what_is_refused(drift, options, error, message):
+    with pytest.raises(error) as caught:
+        target_displacements(pushover(oscillator(1.2e6, 2.4e6, 0.06), drift), EC8, **options)
+    assert message in str(caught.value)

@@ -1,0 +1,381 @@
+"""Write the benchmark page: python tests/benchmarks/run.py
+
+The page is README.md beside this file, with its pictures: what each method costs on many problems for an error.
+Finished problems are kept (TDINT_CACHE_DIR or the user's cache) until methods or problems change: a call that was ended
+goes on. With --page nothing is measured: the page is written of what there is.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import hashlib
+import io
+import pickle
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import get_context
+from pathlib import Path
+
+import tdint
+from tdint import system
+from tdint.analysis.chart import profiles
+from tdint.analysis.chart.problem import FloorMotion, Reference
+from tdint.analysis.chart.profiles import (
+    COARSE,
+    METHODS,
+    PARTS,
+    PEAKS,
+    STANDARD,
+    TOLERANCES,
+    FieldChart,
+    FieldProblem,
+    Measured,
+    field_chart,
+    measure_problem,
+    read_problems,
+)
+from tdint.analysis.chart.work_precision import Chart, PerformanceProfile
+from tdint.errors import TdintError
+from tdint.kernels.building.sources import digest_of_all
+from tdint.methods.catalogue import chosen
+from tdint.output.figures.assessment import chart_picture
+from tdint.output.figures.comparison import profile_picture
+from tdint.output.figures.style import picture
+
+HERE = Path(__file__).parent
+PAGE = HERE / "README.md"
+
+CHARTS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))
+"""Problems whose points are drawn: methods of order 4 at home, kinks, smooth hysteresis."""
+
+WORDS = {
+    "peak_drift": "peak drift",
+    "peak_acceleration": "peak absolute acceleration",
+    "peak_total_shear": "peak total shear",
+}
+MINUTES = 20.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A finished problem, when it was measured, and how busy the machine was then."""
+
+    measured: Measured
+    day: str
+    load: float | None
+    seconds: float
+
+
+# ---- Measuring, a file for each finished problem
+
+
+def journal(methods: Sequence[str]) -> Path:
+    """The folder of what is finished: another one for other methods, other loops, another way of measuring."""
+    told = (*methods, digest_of_all(), Path(profiles.__file__).read_text(encoding="utf-8"))
+    digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
+    folder = system.cache_subfolder(f"benchmarks-{digest}")
+    if folder is None:
+        sys.exit("no cache folder can be written: set TDINT_CACHE_DIR to one that can")
+    return folder
+
+
+def place(folder: Path, problem: FieldProblem) -> Path:
+    """The file of a problem: of its names and of what it is."""
+    posed = problem.posed
+    tables = (posed.building.linear_terms, posed.building.law_parameters, posed.building.modal, posed.ground)
+    digest = hashlib.sha256(b"".join(table.tobytes() for table in tables)).hexdigest()[:12]
+    return folder / f"{problem.name}-{problem.motion}-{digest}.pickle"
+
+
+def work(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
+    """Measure one of the standard problems and keep it."""
+    problem = read_problems(STANDARD)[number]
+    began = time.process_time()
+    measured = measure_problem(problem, chosen(methods), peers=peers)
+    day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
+    seconds = time.process_time() - began
+    new = file.with_suffix(".new")
+    new.write_bytes(pickle.dumps((measured, day, system.load(), seconds)))
+    new.replace(file)
+    return f"{problem.name}, {problem.motion}: {seconds:.0f} s of processor time"
+
+
+def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -> None:
+    """Measure all that is not finished; none is begun after so many minutes."""
+    deadline = time.monotonic() + 60.0 * minutes
+    waiting = list(todo)
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(waiting.pop(0)) for _ in range(min(processes, len(waiting)))}
+        while running:
+            done = next(as_completed(running))
+            running.remove(done)
+            print(done.result(), flush=True)
+            if waiting and time.monotonic() < deadline:
+                running.add(pool.submit(waiting.pop(0)))
+
+
+# ---- The page
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table."""
+    return "\n".join("|" + "|".join(line) + "|" for line in (heads, ["---"] * len(heads), *rows)) + "\n"
+
+
+def percent(tolerance: float) -> str:
+    """A tolerance in words."""
+    return f"{100.0 * tolerance:g} %"
+
+
+def cell(profile: PerformanceProfile | None) -> str:
+    """Solved within twice the least cost, median and worst ratio, and what is not solved."""
+    if profile is None:
+        return ""
+    failed = profile.problems - profile.solved
+    median = f"{profile.median:.2f}" if profile.solved > failed else "-"
+    worst = f"{profile.worst:.1f}" if profile.solved else "-"
+    return f"{profile.within(2.0)}/{median}/{worst}/{failed}"
+
+
+def tables_of_profiles(chart: FieldChart) -> str:
+    """A table for each quantity: a row a method, a column a tolerance."""
+    found = {(one.quantity, one.tolerance, one.method): one for one in chart.profiles}
+    text = ""
+    for quantity in PEAKS:
+        judged = {
+            tolerance: max(p.problems for p in chart.profiles if (p.quantity, p.tolerance) == (quantity, tolerance))
+            for tolerance in TOLERANCES
+            if any((p.quantity, p.tolerance) == (quantity, tolerance) for p in chart.profiles)
+        }
+        heads = ["method", *(f"{percent(tolerance)} ({count})" for tolerance, count in judged.items())]
+        rows = [
+            [f"`{line}`", *(cell(found.get((quantity, tolerance, line))) for tolerance in judged)]
+            for line in chart.lines
+        ]
+        text += f"### {WORDS[quantity].capitalize()}\n\n{table(heads, rows)}\n"
+    return text
+
+
+def failures(chart: FieldChart) -> str:
+    """A row for each method, a column for each building: what it does not solve at the smallest tolerance."""
+    buildings = list(dict.fromkeys(one.name for one in chart.measured))
+    rows = []
+    for line in chart.lines:
+        cells = []
+        for name in buildings:
+            costs = [
+                one.costs(quantity, TOLERANCES[-1])[line]
+                for one in chart.measured
+                for quantity in PEAKS
+                if one.name == name and one.judges(quantity, TOLERANCES[-1]) and any(p.line == line for p in one.points)
+            ]
+            failed = sum(cost != cost for cost in costs)  # nan
+            cells.append("-" if not costs else f"**{failed}**" if failed else "0")
+        rows.append([f"`{line}`", *cells])
+    return table(["method", *buildings], rows)
+
+
+def problems(chart: FieldChart) -> str:
+    """What the problems are, and how well their references are known."""
+    rows = []
+    for one in chart.measured:
+        ductility = f"{one.ductility:.1f}" if one.ductility == one.ductility else "-"
+        gaps = "/".join(f"{one.gap.of(name):.0e}" for name in PEAKS)
+        rows.append([one.name, one.motion, str(one.stories), ductility, str(one.changes), gaps])
+    reasons = "\n".join(f"- **{one.name}**: {one.reason}." for one in {m.name: m for m in chart.measured}.values())
+    heads = ["building", "motion", "stories", "ductility", "changes of branch", "reference known to"]
+    return f"{reasons}\n\n{table(heads, rows)}"
+
+
+def chart_of(one: Measured, whole: FieldChart) -> Chart:
+    """The points of one problem as `tdint chart` has them."""
+    usual = next(p for p in one.points if p.line == "newmark-average" and abs(p.dt - one.interval) < 1e-9)
+    reference = Reference("impulse4", one.interval / 32, one.confirmed_by, one.gap, NO_MOTION)  # type: ignore[arg-type]
+    return Chart(one.stories, one.interval, True, one.points, reference, usual, whole.timing)
+
+
+NO_MOTION = FloorMotion(1, *4 * (None,))  # type: ignore[arg-type]
+
+
+def draw(chart: FieldChart) -> list[tuple[str, str]]:
+    """Draw all pictures beside the page; their files, and what they show."""
+    shown = []
+    for quantity in PEAKS:
+        file = f"profile-{quantity.replace('_', '-')}.png"
+        figure = partial(profile_picture, chart, target=quantity.replace("_", "-"))
+        write(HERE / file, figure)
+        shown.append((file, f"Performance profiles, errors of {WORDS[quantity]}"))
+    for name, motion in CHARTS:
+        one = next((one for one in chart.measured if (one.name, one.motion) == (name, motion)), None)
+        if one is not None:
+            file = f"chart-{name}.png"
+            title = f"{name}, {motion}"
+            write(HERE / file, partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift"))
+            shown.append((file, f"Time over error of the peak drifts: {title}"))
+    return shown
+
+
+def write(file: Path, figure: Callable[[], object]) -> None:
+    """A picture of few bytes: 64 colors do."""
+    from PIL import Image  # comes with matplotlib
+
+    stream = io.BytesIO()
+    picture(".png", figure)(stream)  # type: ignore[arg-type]
+    Image.open(stream).convert("RGB").quantize(64).save(file, optimize=True)
+
+
+def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
+    """Where and when this was measured, with what."""
+    packages = {"NumPy": "numpy", "numba": "numba", "llvmlite": "llvmlite"}
+    versions = [f"tdint {tdint.__version__}", f"Python {platform.python_version()}"]
+    versions += [f"{name} {version(package)}" for name, package in packages.items()]
+    days = sorted({entry.day for entry in entries})
+    loads = [entry.load for entry in entries if entry.load is not None]
+    load = f"load {min(loads):.1f} to {max(loads):.1f}" if loads else "load unknown"
+    return (
+        f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, {platform.system()}; "
+        f"{' to '.join(dict.fromkeys((days[0], days[-1])))}; {system.CLOCKS[chart.timing.clock]}, "
+        f"{load} on {system.processors()} processors"
+    )
+
+
+def peers_said(chart: FieldChart) -> str:
+    """What of other programs is on this page."""
+    if chart.peers:
+        named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
+        return f"Other programs, on the first motion of each building that they can do: {named}.\n"
+    try:
+        version("openseespy")
+        why = "was not asked for (--peers)"
+    except PackageNotFoundError:
+        why = "is not installed on this machine"
+    return f"No other program ran for this page: OpenSeesPy {why}, and no number of it is carried over.\n"
+
+
+def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str]]) -> str:
+    """The page."""
+    chart = field_chart([entry.measured for entry in entries])
+    leaders = chart.leaders()
+    missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
+        whole > len(entries)
+    )
+    images = [f"![{text}]({file})\n" for file, text in pictures]
+    sections = {
+        "Performance profiles": PROFILES + "\n" + "\n".join(images[: len(PEAKS)]),
+        "Tables": TABLES + "\n" + tables_of_profiles(chart),
+        "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
+        "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
+        "Other programs": peers_said(chart),
+        "The problems": problems(chart),
+        "A method or a problem of your own": OWN,
+    }
+    contents = "\n".join(f"- [{title}](#{anchor(title)})" for title in sections)
+    body = "\n".join(f"## {title}\n\n{text.rstrip()}\n" for title, text in sections.items())
+    return (
+        f"{INTRODUCTION}\n{len(entries)} problems, {len(chart.lines)} methods.{missing} Best overall (most within "
+        f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors of {percent(COARSE)} "
+        f"and more: `{leaders.coarse}`; safest (fails least): `{leaders.safest}`.\n\n"
+        f"Measured with {machine(entries, chart)}.\n\n"
+        f"{contents}\n\n{body}"
+    )
+
+
+def anchor(title: str) -> str:
+    """As GitHub makes it."""
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
+
+
+INTRODUCTION = """# Benchmark of methods
+
+What does a method cost on many buildings for an error? This page is written by one command, on your machine, too;
+ended, it goes on where it was:
+
+```
+$ python tests/benchmarks/run.py
+```
+
+`tdint chart --problems standard` prints the same table.
+"""
+
+PROFILES = f"""\
+For each problem, quantity and tolerance a method takes the cheapest of {len(PARTS)} steps, 16 samples to a sixteenth,
+that is within the tolerance, as are all smaller ones. Lines show the share of problems that it solves at no more than
+some factor of the least cost of all methods (Dolan and More 2002). Errors are the largest of all stories.
+"""
+
+TABLES = """\
+Problems solved within twice the least cost / median of cost over the least cost / the worst of those solved / problems
+not solved. In brackets how many are judged: where a second method differs from the reference by more than a fifth of a
+tolerance, a problem is left out there. Times within a tenth of each other are the same.
+"""
+
+FAILURES = """\
+Of the errors of 0.01 % (three quantities, each motion) those that no step of a method comes to; `-`: the method is
+for linear buildings.
+"""
+
+MATRIX = """
+Twelve problems with known answers, on which methods lose or make energy, ring or blow up, are in
+[the methods' README](../../src/tdint/methods/README.md#where-methods-fail):
+
+![Matrix of methods and problems: who keeps energy, settles, stays stable](../../configs/failures.png)
+"""
+
+OWN = """\
+A method of yours is a Python file ([how](../../src/tdint/methods/README.md#adding-a-method)), problems are a YAML
+file as [the standard ones](../../src/tdint/analysis/chart/standard_problems.yaml):
+
+```
+$ tdint chart --problems standard --plugin verlet.py --method verlet,impulse4,newmark-average --plot profile.png
+$ tdint chart --problems mine.yaml -o mine.csv --plot
+$ tdint chart office.yaml tower.yaml --record a.mseed --record b.mseed
+```
+
+A problem or a method more on this page is an entry there, or a name in `METHODS` of
+[profiles.py](../../src/tdint/analysis/chart/profiles.py); then the command above.
+"""
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=MINUTES, help="no problem is begun after so many (20)")
+    parser.add_argument("--processes", type=int, default=min(2, system.processors()), help="at a time (2)")
+    parser.add_argument("--method", default=",".join(METHODS), help="methods, with commas")
+    parser.add_argument("--peers", action="store_true", help="OpenSeesPy, too, if it is installed")
+    parser.add_argument("--page", action="store_true", help="measure nothing: the page of what is finished")
+    asked = parser.parse_args()
+    methods = asked.method.split(",")
+    folder = journal(methods)
+    given = read_problems(STANDARD)
+    files = {place(folder, problem): problem for problem in given}
+    if not asked.page:
+        first = {problem.name: problem for problem in reversed(given)}
+        todo = [
+            partial(work, number, file, methods, asked.peers and first[problem.name] is problem)
+            for number, (file, problem) in enumerate(files.items())
+            if not file.exists()
+        ]
+        measure(todo, asked.processes, asked.minutes)
+    entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
+    if not entries:
+        sys.exit("no problem is finished yet")
+    chart = field_chart([entry.measured for entry in entries])
+    PAGE.write_text(page(entries, len(given), draw(chart)), encoding="utf-8")
+    print(f"{PAGE.name}: {len(entries)} of {len(given)} problems")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (TdintError, RuntimeError) as error:
+        sys.exit(f"{error}")

@@ -1,0 +1,47 @@
+"""Target displacements beside time histories: python tests/benchmarks/target_displacement.py MODEL.yaml...
+
+Eleven artificial motions, iterated to the target spectrum; the median of the roof's peaks over the runs, its fractiles,
+and what `tdint pushover --target` gives. The figures stand in configs/README.md.
+"""
+
+import sys
+
+import numpy as np
+
+import tdint
+from tdint.analysis.spectra.target import read_target
+
+TARGET = "ec8:type=1,soil=C,ag=0.35g"
+PERIODS = np.geomspace(0.05, 4.0, 60)
+MOTIONS, PASSES = 11, 12
+DT, DURATION = 0.01, 30.0  # s
+
+
+def matched(seed):
+    """A motion whose spectrum follows the target: its Fourier amplitudes times the ratio of the spectra, in passes."""
+    time = np.arange(0.0, DURATION, DT)
+    envelope = np.minimum(1.0, time / 3.0) * np.exp(-np.maximum(0.0, time - 15.0) / 5.0)
+    samples = np.random.default_rng(seed).standard_normal(time.size) * envelope
+    frequencies = np.fft.rfftfreq(time.size, DT)
+    periods = np.log(1.0 / np.maximum(frequencies, 0.1))
+    for _ in range(PASSES):
+        spectrum = tdint.spectrum(tdint.make_record(samples, dt=DT, units="m/s^2"), PERIODS, damping=0.05)
+        ratio = np.log(read_target(TARGET).at(PERIODS) / spectrum.psa)
+        samples = np.fft.irfft(np.fft.rfft(samples) * np.exp(np.interp(periods, np.log(PERIODS), ratio)), time.size)
+        samples *= np.minimum(1.0, 50.0 * envelope)
+    return tdint.make_record(samples, dt=DT, units="m/s^2")
+
+
+def main(models):
+    motions = [matched(seed) for seed in range(MOTIONS)]
+    print("model,n2_m,coefficients_m,median_m,p16_m,p84_m")
+    for name in models:
+        model = tdint.load_model(name)
+        n2, coefficients = tdint.target_displacements(tdint.pushover(model, "4%"), TARGET)
+        runs = [tdint.run(model, motion, method="impulse4").stories.peak_displacement[-1] for motion in motions]
+        figures = n2.roof_displacement, coefficients.roof_displacement, *np.percentile(runs, [50.0, 16.0, 84.0])
+        print(name, *(f"{figure:.3f}" for figure in figures), sep=",")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,72 @@
+"""The benchmark page is what its program writes: sections, problems, methods, pictures."""
+
+import importlib.util
+import math
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tdint.analysis.chart.profiles import PARTS, PEAKS, STANDARD, Measured, PeakErrors, read_problems
+from tdint.analysis.chart.work_precision import Point
+
+HERE = Path(__file__).parent
+specification = importlib.util.spec_from_file_location("benchmark_page", HERE / "run.py")
+run = importlib.util.module_from_spec(specification)
+sys.modules[specification.name] = run  # dataclasses ask for it
+specification.loader.exec_module(run)
+PAGE = run.PAGE.read_text(encoding="utf-8")
+
+
+def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-average")):
+    """A problem on which the error of each method is its step squared, in per cent."""
+    points = [
+        Point(
+            line, 0.01 * part, 100, "done", errors=PeakErrors(*3 * (0.01 * part**2,)), times=(1e-3 / part,), line=line
+        )
+        for line in lines
+        for part in PARTS
+    ]
+    return Measured(name, motion, "why", 3, 0.01, 9.0, 4.2, 7, "moment4", PeakErrors(1e-9, 1e-9, 1e-9), tuple(points))
+
+
+def headings(page):
+    return re.findall(r"^#+ .*$", page, re.MULTILINE)
+
+
+def test_the_page_has_the_sections_and_the_words_of_its_program():
+    entries = [run.Entry(made_up(), "2026-01-01", 0.5, 1.0)]
+    shown = [(f"{name}.png", name) for name in (*PEAKS, *(name for name, _ in run.CHARTS))]
+    page = run.page(entries, 36, shown)
+    assert headings(page) == headings(PAGE)
+    assert "35 of 36 problems were not reached" in page
+    for text in (run.INTRODUCTION, run.PROFILES, run.TABLES, run.FAILURES, run.MATRIX, run.OWN):
+        assert text.strip() in PAGE
+    assert "|`impulse4`|1/1.00/1.0/0|" in page  # as dear as the other one at each tolerance
+    assert "load 0.5 to 0.5" in page
+
+
+def test_every_problem_and_method_stands_on_the_page():
+    for problem in read_problems(STANDARD):
+        assert f"- **{problem.name}**: {problem.reason}.\n" in PAGE
+        assert f"|{problem.name}|{problem.motion}|{problem.posed.building.stories}|" in PAGE
+    for method in run.METHODS:
+        assert len(re.findall(rf"^\|`{method}`\|", PAGE, re.MULTILINE)) == len(PEAKS) + 1, method
+
+
+def test_every_picture_of_the_page_is_there_and_small():
+    named = set(re.findall(r"!\[[^]]+\]\(([a-z-]+\.png)\)", PAGE))
+    assert named == {file.name for file in [*HERE.glob("profile-*.png"), *HERE.glob("chart-*.png")]}
+    assert all((HERE / file).stat().st_size < 150_000 for file in named)
+
+
+@pytest.mark.parametrize("errors", [None, PeakErrors(math.nan, math.nan, math.nan)])
+def test_what_is_not_solved_is_counted(errors):
+    failing = made_up()
+    points = tuple(replace(p, errors=errors) if p.line == "impulse4" else p for p in failing.points)
+    chart = run.field_chart([replace(failing, points=points)])
+    assert "|`impulse4`|**3**|" in run.failures(chart)
+    assert "|`newmark-average`|0|" in run.failures(chart)
+    assert "|`impulse4`|0/-/-/1|" in run.tables_of_profiles(chart)

@@ -1,0 +1,205 @@
+"""`tdint fragility`: functions of tables and of studies, their units, what is refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from csv_rows import rows
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+UNITS = ("--units", "m/s^2")
+
+
+CLOUD = "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("capacity,unit\n0.2,g\n0.3,g\n0.5,g\n", ()),
+        ("im,collapses,records,unit\n0.2,1,9,g\n0.4,4,9,g\n0.8,8,9,g\n", ()),
+        (CLOUD, ("--threshold", "1%")),
+    ],
+)
+def test_fragility_in_other_units(folder, tdint, text, arguments):
+    """A median converted is the median of what is converted; dispersions have no unit; the picture goes with them."""
+    header, *lines = text.splitlines()
+    name = "capacity" if "capacity" in header else "im"
+    place = header.split(",").index(name)
+    cells = [line.replace(",g", ",m/s^2").split(",") for line in lines]
+    converted = [[repr(9.80665 * float(x)) if i == place else x for i, x in enumerate(row)] for row in cells]
+    (folder / "g.csv").write_text(text)
+    (folder / "si.csv").write_text("\n".join([header, *map(",".join, converted)]) + "\n")
+    given = tdint("fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg")
+    direct = tdint("fragility", "si.csv", *arguments, "--plot=direct.svg")
+    assert (given.exit_code, given.stderr) == (0, direct.stderr)
+    for row, other in zip(rows(given.stdout), rows(direct.stdout), strict=True):
+        assert row["unit"] == other["unit"] == "m/s^2"
+        for key in ("theta", "beta", "theta_error", "beta_error"):
+            assert float(row[key]) == pytest.approx(float(other[key]), rel=1e-6)
+    pictures = [(folder / f"{name}.svg").read_text("utf-8") for name in ("given", "direct")]
+    labels = [re.findall(r"<text[^>]*>([^<]*)</text>", picture) for picture in pictures]
+    assert labels[0] == labels[1] and any("m/s²" in label for label in labels[0])
+
+
+def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
+    result = tdint("fragility", CONFIGS / "stripes.csv", "--output-units", "g")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "give the table a column unit" in result.stderr
+
+
+def test_a_table_of_stripes(folder, tdint):
+    result = tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg")
+    assert result.exit_code == 0, result.output
+    (row,) = rows(folder / "f.csv")
+    assert (row["fit"], row["theta"][:7], row["beta"][:7]) == ("stripes", "1.07611", "0.42923")
+    assert float(row["beta_total"]) ** 2 == pytest.approx(float(row["beta"]) ** 2 + 0.04)
+    assert (row["threshold"], row["im"], row["records"]) == ("", "", "40")
+    assert "95 % confidence" in (folder / "f.svg").read_text()
+
+
+def test_a_folder_of_a_study(folder, tdint, make_record):
+    for samples in (60, 120):
+        make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
+    records = ("motion.mseed", "60.mseed", "120.mseed")
+    assert tdint("ida", "shaken.yaml", *records, "--component", "HNE", *UNITS, "-o", "out").exit_code == 0
+    result = tdint("fragility", "out")
+    found = rows(result.stdout)
+    assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
+    assert {(row["fit"], row["records"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
+    (one,) = rows(tdint("fragility", "out", "--threshold", "2%").stdout)
+    assert one == found[1]
+    (cloud,) = rows(tdint("fragility", "out", "--fit", "cloud", "--threshold", "2%").stdout)
+    assert float(cloud["theta"]) == pytest.approx(float(one["theta"]), rel=0.5)
+
+
+def test_runs_of_a_campaign(folder, tdint):
+    """Stripes where the runs stand at common levels; a run without a result counts neither way, and is told."""
+    header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
+    lines = [
+        f"a,{record},{status},{drift},{level}"
+        for level, drifts in ((1.0, (0.01, 0.01, 0.02)), (2.0, (0.01, 0.05, 0.02)), (3.0, (0.04, 0.05, 0.02)))
+        for record, drift in enumerate(drifts)
+        for status in ("collapsed" if drift == 0.05 else "done",)
+    ]
+    (folder / "runs.csv").write_text("\n".join([header, *lines, "a,9,not-converged,,1.0"]) + "\n")
+    result = tdint("fragility", ".", "--threshold", "3%")
+    (row,) = rows(result.stdout)
+    assert (row["fit"], row["im"], row["unit"], row["records"]) == ("stripes", "sa(T1)", "m/s^2", "3")
+    assert "1 of 10 runs have no result and are left out" in result.stderr
+    assert row["failed"] == "1" and "counted as exceeding, and as not" in result.stderr
+    for hits, word in ((1, "exceed"), (0, "stand")):  # the fourth run of the first level
+        (folder / "stripes.csv").write_text(f"im,collapses,records\n1,{hits},4\n2,1,3\n3,2,3\n")
+        (bound,) = rows(tdint("fragility", "stripes.csv").stdout)
+        assert (bound["theta"], bound["beta"]) == (row[f"theta_failed_{word}"], row[f"beta_failed_{word}"])
+        assert "failed" not in bound
+    (folder / "stripes.csv").write_text("im,collapses,records\n1,0,3\n2,1,3\n3,2,3\n")
+    (same,) = rows(tdint("fragility", "stripes.csv").stdout)
+    assert (same["theta"], same["beta"]) == (row["theta"], row["beta"])
+
+
+def test_runs_of_several_buildings_are_no_fragility(folder, tdint):
+    (folder / "runs.csv").write_text("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n")
+    result = tdint("fragility", ".", "--threshold", "3%")
+    assert result.exit_code == 3
+    assert "runs.csv: column building has several values, a, b: leave the rows of one" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [((), 3, "no column sa_t1_m_s2"), (("--im", "pgv"), 2, "the runs have no measure pgv")],
+)
+def test_runs_without_the_intensity_that_is_wanted(folder, tdint, options, code, message):
+    (folder / "runs.csv").write_text("building,status,peak_drift_ratio\na,done,0.1\na,done,0.2\n")
+    result = tdint("fragility", ".", "--threshold", "3%", *options)
+    assert result.exit_code == code and message in result.stderr
+
+
+def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
+    (folder / "c.csv").write_text(
+        "threshold,capacity,censored,im_name,unit\n"
+        "0.01,1,false,pga,m/s^2\n0.01,2,false,pga,m/s^2\n0.1,3,true,pga,m/s^2\n0.1,,true,pga,m/s^2\n"
+    )
+    result = tdint("fragility", "c.csv")
+    assert result.exit_code == 0
+    assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
+    assert "Warning: threshold 0.1: of 1 capacities none is known" in result.stderr
+    assert "1 row without a capacity left out" in result.stderr
+    result = tdint("fragility", "c.csv", "--threshold", "10%")
+    assert (result.exit_code, result.stdout) == (5, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "code", "message"),
+    [
+        ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
+        ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3, "t.csv:3: collapses must be a whole number"),
+        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2, "t.csv:1: this is a table of capacity and of im,edp; say which is"),
+        ("capacity\n1\n2\n3\n", ("--beta-model", "1e308"), 2, "'--beta-model': 1e+308 is not in the range"),
+        ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
+        ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
+        ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
+        ("im,collapse,records\n1,0,3\n", (), 3, "t.csv:1: a table has the columns im,collapses,records (stripes)"),
+        ("capacity,censored\n1,perhaps\n", (), 3, "t.csv:2: censored must be true or false, got 'perhaps'"),
+        ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity must be a positive number, got '-2'"),
+        ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
+        ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2, "has no column threshold: one --threshold at most"),
+        ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2, "has no threshold 0.02; there are 0.1"),
+        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name has several values, pga, pgv"),
+        ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
+        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2, "LOW must be below HIGH"),
+        ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2, "--edp-range is for --fit cloud"),
+        ("capacity,threshold\n1,\n2\n", (), 3, "t.csv: no row has a threshold; fill the column in or leave it out"),
+        ("", (), 3, "t.csv: is empty"),
+        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),
+    ],
+)
+def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
+    (folder / "t.csv").write_text(text)
+    result = tdint("fragility", "t.csv", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+
+
+def test_a_folder_without_tables(folder, tdint):
+    result = tdint("fragility", ".")
+    assert result.exit_code == 3
+    assert "this folder has no capacities.csv and no runs.csv" in result.stderr
+
+
+def test_standard_input(folder, tdint):
+    result = tdint("fragility", "-", stdin=b"capacity\n1\n2\n3\n")
+    assert result.exit_code == 0
+    assert rows(result.stdout)[0]["records"] == "3"
+
+
+def test_the_line_of_a_cloud_is_written(folder, tdint):
+    """b0, b1 and sigma are those of least squares of ln EDP where nothing is censored, also in other units."""
+    im, edp = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.array([0.011, 0.018, 0.033, 0.037, 0.052])
+    lines = [f"{x},{y},m/s^2" for x, y in zip(im, edp, strict=True)]
+    (folder / "cloud.csv").write_text("\n".join(["im,edp,unit", *lines]) + "\n")
+    design = np.column_stack([np.ones(5), np.log(im)])
+    (b0, b1), (square,), *_ = np.linalg.lstsq(design, np.log(edp), rcond=None)
+    (row,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%").stdout)
+    assert [float(row[name]) for name in ("b0", "b1", "sigma")] == pytest.approx(
+        [b0, b1, np.sqrt(square / 5)], rel=1e-9
+    )
+    assert float(row["theta"]) == pytest.approx(np.exp((np.log(0.02) - b0) / b1), rel=1e-9)
+    (other,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%", "--output-units", "N,m,g").stdout)
+    assert float(other["b0"]) == pytest.approx(b0 + b1 * np.log(9.80665), rel=1e-9)
+    assert (other["b1"], other["sigma"]) == (row["b1"], row["sigma"])
+
+
+def test_runs_in_other_units_are_understood(folder, tdint):
+    """A campaign's runs.csv in the units of its models: the column's end tells the unit of the intensity."""
+    body = [f"a,{k},done,{0.01 * k * (1 + 0.3 * (k % 2))},{0.1 * k}" for k in range(1, 8)]
+    found = {}
+    for unit, name in (("g", "sa_t1_g"), ("m/s^2", "sa_t1_m_s2")):
+        (folder / "runs.csv").write_text("\n".join([f"building,record,status,peak_drift_ratio,{name}", *body]) + "\n")
+        (found[unit],) = rows(tdint("fragility", ".", "--threshold", "3%", "--fit", "cloud").stdout)
+        assert found[unit]["unit"] == unit
+    assert found["g"]["theta"] == found["m/s^2"]["theta"]

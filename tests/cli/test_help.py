@@ -1,0 +1,85 @@
+"""Help in two levels: what most people type on one screen, everything behind --help-all."""
+
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import click
+import pytest
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
+
+import readmes
+from tdint_cli.main import COMMANDS, cli
+from tdint_cli.options.grammar import COMMON, LINES
+
+CAMPAIGN = """\
+buildings: {models: [office.yaml]}
+records: {files: [office-motion.txt]}
+intensity: {scales: [1.0]}
+analysis: {method: newmark-average, duration: 4}
+"""
+RECORDED = """\
+base: {file: office-motion.txt}
+floors:
+  5: {file: recorded/floors.mseed, component: F05, units: m/s^2}
+"""
+
+
+def command_of(name):
+    return import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+
+
+def screen(*words):
+    """What a command line prints on a terminal of 80 columns."""
+    result = CliRunner().invoke(cli, list(words), prog_name="tdint", terminal_width=80)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return result.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_one_screen_and_help_all_everything(name):
+    command, short, long = command_of(name), screen(name, "--help"), screen(name, "--help-all")
+    options = [option for option in command.params if isinstance(option, click.Option)]
+    common = [option for option in options if option.common]
+    assert len(short.splitlines()) <= LINES and len(common) <= COMMON
+    for option in options:
+        flag = max(option.opts, key=len)
+        assert f"{flag} " in long or f"{flag}\n" in long
+        assert (f"  {flag}" in short or f", {flag}" in short) == option.common, flag
+    assert short.splitlines()[-1] == f"  All options, and more of what it does: tdint {name} --help-all"
+    assert len(command.examples) == 2 and all(example in short for example in command.examples)
+    assert all(f"\n  {code}  {meaning}" in short for code, meaning in command.exits.items())
+    # The whole is no less than it was: every paragraph of what the command does.
+    assert "".join(command.help.split()) in "".join(long.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_completion_knows_what_help_leaves_out(name):
+    completed = {item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions([name], "--")}
+    options = [option for option in command_of(name).params if isinstance(option, click.Option)]
+    assert {flag for option in options for flag in option.opts if flag.startswith("--")} <= completed
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory):
+    """A folder in which the examples run one after the other: office.yaml, and files that readers have of their own."""
+    folder = tmp_path_factory.mktemp("office")
+    for name in ("buildings.csv", "stripes.csv"):
+        (folder / name).write_bytes((readmes.ROOT / "configs" / name).read_bytes())
+    (folder / "campaign.yaml").write_text(CAMPAIGN, encoding="utf-8")
+    (folder / "recorded.yaml").write_text(RECORDED, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_run(name, office, monkeypatch, tdint):
+    monkeypatch.chdir(office)
+    if not Path("office.yaml").exists():
+        assert tdint("init", "office.yaml", "--stories", "5", "--period", "0.8").exit_code == 0
+        assert tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed").exit_code == 0
+    for example in command_of(name).examples:
+        _, *words = shlex.split(example)
+        assert words[0] == name
+        result = tdint(*words, *["--overwrite"] * (words[:2] == ["init", "office.yaml"]))
+        assert result.exit_code == 0, result.stderr

@@ -1,0 +1,233 @@
+"""`tdint scale`: factors of single records, pairs and sets, and `tdint run` with them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from csv_rows import rows
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+UNITS = ("--units", "m/s^2")
+
+
+def test_factors_to_a_value(folder, tdint):
+    result = tdint("scale", "motion.mseed", "other.mseed", *UNITS, "--pga", "0.6g", "-o", "f/factors.csv", "--plot")
+    assert (result.exit_code, result.stdout) == (0, "")
+    found = rows(folder / "f" / "factors.csv")
+    assert [(row["record"], row["component"]) for row in found] == [
+        ("motion.mseed", "HNE"),
+        ("motion.mseed", "HNN"),
+        ("other.mseed", "HNE"),
+    ]
+    infos = rows(tdint("info", "motion.mseed", "other.mseed", *UNITS).stdout)
+    for row, info in zip(found, infos, strict=True):
+        assert float(row["factor"]) * float(info["pga_m_s2"]) == pytest.approx(0.6 * 9.80665)
+    summary = json.loads((folder / "f" / "factors.json").read_text())
+    assert summary["settings"]["measure"] == "pga"
+    assert len(summary["records"]) == 3
+    us = ("scale", "motion.mseed", *UNITS, "--pga", "0.6g", "-o", "us.csv", "--output-units", "in,g")
+    assert "scaled to pga = 0.6 g:" in tdint(*us).stderr
+    told = json.loads((folder / "us.json").read_text())["records"][0]
+    assert told["pga_g"] == pytest.approx(summary["records"][0]["pga_m_s2"] / 9.80665, rel=1e-11)
+    assert (folder / "f" / "factors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_pair_has_one_factor(folder, tdint):
+    result = tdint("scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50")
+    one, other = rows(result.stdout)
+    assert one["factor"] == other["factor"]
+    assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
+
+
+def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
+    """Whose names are unknown: one message says what would do, and with it two motions are two pairs."""
+    (folder / "named").mkdir()
+    for i, name in enumerate(("kobe", "taft")):
+        for channel, ending in (("HNE", "tran"), ("HNN", "long"), ("HNZ", "vert")):
+            peak = 1.0 + i + 0.5 * (ending == "long")
+            make_record(folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak)
+    names = "{}_long.mseed,{}_tran.mseed"
+    wanted = ("scale", "named", *UNITS, "--pga", "0.1g")
+    alone = tdint(*wanted, "--pairs", "geometric-mean")
+    assert alone.exit_code == 4
+    told = [line for line in alone.stderr.splitlines() if "single" in line]
+    assert len(told) == 1 and "4 files have a single horizontal component" in told[0]
+    assert "--pairs '{}long.mseed,{}tran.mseed'" in told[0]
+    for given in (names, f"rotd50,{names}"):
+        result = tdint(*wanted, "--pairs", given)
+        assert result.exit_code == 0, result.stderr
+        assert "2 pairs scaled to pga" in result.stderr
+        assert "kobe_vert.mseed" in result.stderr
+    assert "2 pairs" in tdint(*wanted[:-2], "--p695", "--pairs", names).stderr
+    spectra = tdint("spectrum", "named", *UNITS, "--rotd", "50", "--pairs", names, "--period", "1")
+    assert spectra.exit_code == 0 and len(rows(spectra.stdout)) == 2
+    assert tdint("spectrum", "named", *UNITS, "--pairs", names).exit_code == 2
+    for bad in ("rotd50,rotd100", "rotd5", "{}_long.mseed", "{}_a,{}_b"):
+        assert tdint(*wanted, "--pairs", bad).exit_code == 2
+
+
+def test_a_record_that_fails_does_not_keep_the_others(folder, tdint):
+    result = tdint("scale", "motion.mseed", "none.mseed", *UNITS, "--pgv", "10cm/s")
+    assert result.exit_code == 4
+    assert len(rows(result.stdout)) == 2
+    assert "none.mseed" in result.stderr
+
+
+def test_a_set_is_not_scaled_without_all_of_it(folder, tdint):
+    result = tdint("scale", "motion.mseed", "none.mseed", *UNITS, "--p695")
+    assert (result.exit_code, result.stdout) == (4, "")
+    result = tdint("scale", "motion.mseed", "other.mseed", *UNITS, "--p695")
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert "single horizontal component" in result.stderr
+
+
+def test_the_rule_of_asce7(folder, tdint, make_record):
+    (folder / "suite").mkdir()
+    for i in range(11):
+        make_record(folder / "suite" / f"{i:02d}.mseed", "HNE", "HNN", peak=1.0 + 0.2 * i, samples=200 + 10 * i)
+    target = ("--target", CONFIGS / "design-spectrum.csv")
+    result = tdint("scale", "suite", *UNITS, *target, "--rule", "asce7", "--range", "0.2:2:4", "-o", "f.csv", "--plot")
+    assert result.exit_code == 0, result.output
+    found = rows(folder / "f.csv")
+    assert len(found) == 22
+    assert all(one["factor"] == other["factor"] for one, other in zip(found[::2], found[1::2], strict=True))
+    assert "11 pairs scaled to" in result.stderr
+    said = float(result.stderr.partition("maximum-direction spectra is ")[2].partition(" %")[0])
+    assert said >= 90.0
+    settings = json.loads((folder / "f.json").read_text())["settings"]
+    assert 100.0 * settings["least_average_over_target"] == pytest.approx(said, abs=0.5)
+    assert settings["pairs"] == "rotd100"
+
+
+EC8 = ("--target", "ec8:type=1,soil=B,ag=0.25g")
+
+
+def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
+    """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA against ag S."""
+    building = CONFIGS / "ten-story.yaml"
+    (modes,) = [one for one in rows(tdint("modes", building).stdout) if one["mode"] == "1"]
+    period = float(modes["period_s"])
+    files = ("motion.mseed", "other.mseed")
+    outputs = ("-o", "f.csv", "--plot", "--spectra", "s.csv")
+    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, *outputs)
+    assert result.exit_code == 0, result.output
+    settings = json.loads((folder / "f.json").read_text())["settings"]
+    first, last, count = settings["periods_s"]
+    assert (first, last, count) == (pytest.approx(0.2 * period), pytest.approx(2.0 * period), 100)
+    grid = ("--periods", f"{first!r}:{last!r}:{count}")
+    spectra = rows(tdint("spectrum", *files, *UNITS, *grid).stdout)
+    aim = [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *EC8, *grid).stdout)]
+    factors = [float(row["factor"]) for row in rows(folder / "f.csv")]
+    peaks = [float(row["pga_m_s2"]) for row in rows(tdint("info", *files, *UNITS).stdout)]
+    ratios = [
+        sum(factor * float(spectra[100 * i + k]["psa_m_s2"]) for i, factor in enumerate(factors)) / 3.0 / aim[k]
+        for k in range(100)
+    ]
+    zero = sum(factor * peak for factor, peak in zip(factors, peaks, strict=True)) / 3.0 / (0.25 * 1.2 * 9.80665)
+    assert min(ratios) >= 0.9 * (1.0 - 1e-9)
+    assert zero >= 1.0 - 1e-9
+    assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)  # raised no further than needed
+    assert settings["least_average_over_target"] == pytest.approx(min(ratios))
+    written = rows(folder / "s.csv")
+    curves = [row["curve"] for row in written]
+    assert curves == ["scaled"] * 300 + ["mean"] * 100 + ["target"] * 100
+    psa = [float(row["psa_m_s2"]) for row in written]
+    for i, factor in enumerate(factors):
+        own = [factor * float(row["psa_m_s2"]) for row in spectra[100 * i : 100 * (i + 1)]]
+        assert psa[100 * i : 100 * (i + 1)] == pytest.approx(own, rel=1e-9)
+    assert psa[300:400] == pytest.approx([ratio * value for ratio, value in zip(ratios, aim, strict=True)], rel=1e-9)
+    assert psa[400:] == pytest.approx(aim, rel=1e-9)
+
+
+def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
+    target = ("--target", "ec8:type=1,soil=B,ag=50g", "--range", "0.2:2")
+    result = tdint("scale", "motion.mseed", *UNITS, *target)
+    assert result.exit_code == 0
+    assert "Warning: factors beyond 0.25 to 4, the bounds of common practice: motion.mseed HNE" in result.stderr
+    refused = tdint("scale", "motion.mseed", *UNITS, *target, "--max-factor", 5, "-o", "f.csv")
+    assert refused.exit_code == 5
+    assert "larger than --max-factor 5: motion.mseed HNE" in refused.stderr
+    assert not (folder / "f.csv").exists()
+
+
+TARGET = ("--target", CONFIGS / "design-spectrum.csv")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "nothing to scale to: give one of --target"),
+        (("--sa", "0.5g"), "--sa needs a period: add --at"),
+        (("--sa", "0.5", "--at", 1), "'0.5': write a number with its unit, such as 0.6g"),
+        (("--sa", "5cm/s", "--at", 1), "write a number with its unit, such as 0.6g"),
+        (("--pgv", "0.4g"), "such as 40cm/s"),
+        (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv are given"),
+        (("--pga", "0.4g", *TARGET), "--target and --pga are given"),
+        (("--pga", "0.4g", "--at", 1), "--at is for --sa"),
+        (("--pga", "0.4g", "--rule", "mean"), "--rule has nothing to act on without --target"),
+        (("--pga", "0.4g", "--average", "0.2:3:9"), "--average has nothing to act on without --sa-avg"),
+        (("--p695", "--pga", "0.4g"), "--p695 is scaled on by --sa"),
+        (("--p695", "--pairs", "rotd50"), "--pairs: --p695 says itself"),
+        ((*TARGET, "--range", "2"), "'2' is no range; write FIRST:LAST"),
+        ((*TARGET, "--range", "0.2:9"), "has periods from 0.02 to 5 s; asked for are 0.2 to 9 s"),
+        ((*TARGET, "--rule", "asce7"), "give the period T by --at, or --building, or --range"),
+        ((*TARGET, "--rule", "ec8"), "--rule ec8 compares over 0.2 T to 2 T"),
+        ((*TARGET, "--rule", "ec8", "--at", 0.5), "the rule ec8 compares at the period 0, too"),
+        ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at is for --sa"),
+        ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"), "--building and --range are given"),
+        (("--pga", "0.4g", "--building", "x.yaml"), "--building has nothing to act on without --target"),
+        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "is for 5 % damping"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5), "11 pairs of components at least (16.2.2), got 1"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"), "--component names single components"),
+    ],
+)
+def test_scaling_that_is_refused(folder, tdint, arguments, message):
+    result = tdint("scale", "motion.mseed", *UNITS, *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+    assert result.stderr.startswith("Error: ")
+
+
+def test_a_run_with_the_factors_of_a_suite(folder, tdint):
+    """What `tdint scale` writes, `tdint run` takes: each component with its factor, as by --scale alone."""
+    scaled = tdint(
+        "scale", "motion.mseed", "other.mseed", "--units", "m/s^2", "--target", "ec8:type=1,soil=B,ag=0.1g",
+        "--range", "0.2:2", "-o", "suite.csv",
+    )  # fmt: skip
+    assert scaled.exit_code == 0, scaled.output
+    several = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--factors", "suite.csv")
+    result = tdint(*several, "-o", "out")
+    assert result.exit_code == 0, result.output
+    table, factors = rows("out/runs.csv"), rows("suite.csv")
+    assert [(row["record"], row["component"], row["scale"]) for row in table] == [
+        (row["record"], row["component"], row["factor"]) for row in factors
+    ]
+    one = tdint(
+        "run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale",
+        factors[1]["factor"], "-o", "one",
+    )  # fmt: skip
+    assert one.exit_code == 0, one.output
+    assert float(table[1]["peak_drift_ratio"]) == pytest.approx(
+        max(float(story["peak_drift_ratio"]) for story in rows("one/stories.csv")), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("--factors", "suite.csv"), 2, "for the RECORDs that were scaled: name them"),
+        (("other.mseed", "--scale", "2", "--factors", "suite.csv"), 2, "--factors stands in place of --scale"),
+        (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
+        (("motion.mseed", "other.mseed", "--factors", "suite.csv"), 3, "no factor for motion.mseed HNE"),
+        (("other.mseed", "--factors", "zero.csv"), 3, "zero.csv:3: factor: must be a number that is not zero, got '0'"),
+    ],
+)
+def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
+    Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
+    Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
+    result = tdint("run", "shaken.yaml", "--units", "m/s^2", *arguments)
+    assert result.exit_code == code
+    assert said in result.stderr

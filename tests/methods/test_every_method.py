@@ -1,0 +1,74 @@
+"""What every method does: a linear building is the sum of its modes, a yielding one converges, a failed step is undone.
+
+Order, stability, period error and numerical damping of all of them: tests/analysis/assessment.
+"""
+
+import numpy as np
+import pytest
+
+from building_cases import ModalDamping, model, noise, ten_bilinear
+from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, superposed
+from tdint import run
+from tdint.kernels import layout as at
+from tdint.methods.catalogue import catalogue
+
+METHODS = [
+    *catalogue(),
+    "bathe:gamma=0.5",
+    "bathe:rho_inf=0.5",
+    "kr-alpha:rho_inf=0",
+    "impulse4:rho_inf=0.5",
+    "moment4:rho_inf=0.5",
+]
+
+
+@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_is_the_sum_of_its_modes(method, damping):
+    case, record = building(ModalDamping((0.07,))), noise(samples=201)
+    if damping == "rayleigh":
+        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
+    got = run(case, record, method=method, history=True).history.displacement
+    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    want = superposed(method, case, ratio, record)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
+
+
+@pytest.fixture(scope="module")
+def average_acceleration():
+    """Peak drifts of ten yielding stories by average acceleration with a 64th of the record's step."""
+    return run(ten_bilinear(), noise(), method="newmark-average", dt=0.01 / 64).stories.peak_drift
+
+
+@pytest.mark.parametrize(
+    ("method", "parts", "bound"),
+    [
+        *((method, (2, 16), 1e-3) for method in ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5")),
+        *((method, (4, 32), 1e-3) for method in ("houbolt", "park")),
+        *((method, (2, 16), 2e-3) for method in ("chang", "cr", "kr-alpha")),
+    ],
+)
+def test_a_yielding_building_converges_to_what_average_acceleration_gives(average_acceleration, method, parts, bound):
+    """With an eighth of the step less than an eighth of the error; the model-based methods take one solve a step."""
+    runs = [run(ten_bilinear(), noise(), method=method, dt=0.01 / part) for part in parts]
+    coarse, fine = (np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs)
+    assert fine < bound
+    assert fine < coarse / 8.0
+    if method in ("chang", "cr", "kr-alpha"):
+        assert all(one.iterations == one.steps for one in runs)
+
+
+@pytest.mark.parametrize(
+    ("method", "done"), [*((name, i) for name in ("houbolt", "park") for i in range(3)), ("gauss4", 1)]
+)
+def test_a_step_without_solution_leaves_everything_as_it_was(method, done):
+    steps, untried = SingleSteps(method), SingleSteps(method)
+    for s in range(done):
+        assert steps.take(s, s + 1.0) > 0
+        assert untried.take(s, s + 1.0) > 0
+    before = steps.memory()
+    assert steps.take(done, TOO_LARGE) == at.NOT_CONVERGED
+    np.testing.assert_array_equal(steps.memory(), before)
+    assert steps.take(done, done + 1.0) > 0
+    assert untried.take(done, done + 1.0) > 0
+    np.testing.assert_allclose(steps.memory(), untried.memory(), rtol=1e-9, atol=1e-12)

@@ -1,0 +1,498 @@
+"""What is wrong with a model file: place, key and words of every fault, all of them in one error."""
+
+import io
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from tdint.errors import ModelError, ModelFault
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import LAWS
+from tdint.model.keys import document as config
+
+WORDS = {
+    "<keys>": (
+        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, damage, "
+        "output_units, report"
+    ),
+    "<story keys>": "mass, weight, height, stiffness, law, dashpot, isolator, repeat",
+    "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
+    "<ratio>": "a number of at least 0 and below 1",
+    "<laws>": ", ".join(LAWS),
+}
+
+# A file, its lines joined by a pilcrow, and below it its faults; what is indented further goes on with the line above.
+FILES = r"""
+stories: 3
+    1:10: stories: must be a list of stories, got '3'
+stories:
+    1:9: stories: must be a list of stories, got nothing
+stories: []
+    1:10: stories: must hold at least one story
+stories: [3]
+    1:11: stories[1]: must be a mapping with the keys <story keys>, got '3'
+stories: [{}]
+    1:11: stories[1].mass: is missing; give a positive number, or the weight in its place
+    1:11: stories[1].stiffness: is missing; give a positive number
+stories: [{mass: 1, stiffness: -1, height: 0, dashpot: -2}]
+    1:32: stories[1].stiffness: must be a positive number, got '-1'
+    1:44: stories[1].height: must be a positive number, got '0'
+    1:56: stories[1].dashpot: must be zero or a positive number, got '-2'
+stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 0, exponent: 2.5}}]
+    1:58: stories[1].dashpot.coefficient: must be a positive number, got '0'
+    1:71: stories[1].dashpot.exponent: must be a number above 0 and of at most 2, got '2.5'
+stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5}}]
+    1:44: stories[1].dashpot.linear_below: is missing; an exponent below 1 needs the drift rate under which the
+        dashpot is linear
+stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5, linear_below: 0, power: 2}}]
+    1:90: stories[1].dashpot.linear_below: must be a positive number, got '0'
+    1:93: stories[1].dashpot.power: unknown key; known: coefficient, exponent, linear_below
+stories: [{mass: , stiffness: 1}]
+    1:17: stories[1].mass: must be a positive number, got nothing
+stories: [{mass: [1], stiffness: 1}]
+    1:18: stories[1].mass: must be a positive number, got a list
+stories: [{repeat: 0, mass: 1, stiffness: 1}, {repeat: 2.0, mass: 1, stiffness: 1}]
+    1:20: stories[1].repeat: must be a whole number from 1 to 100000, got '0'
+    1:56: stories[2].repeat: must be a whole number from 1 to 100000, got '2.0'
+stories: [{repeat: 99999999999999999999999999999999999999999999999999, mass: 1, stiffness: 1}]
+    1:20: stories[1].repeat: must be a whole number from 1 to 100000, got
+        '9999999999999999999999999999999999999...'
+stories: [{repeat: 60000, mass: 1, stiffness: 1}, {repeat: 60000, mass: 1, stiffness: 1}]
+    1:51: stories[2]: brings the model over 100000 stories; check `repeat`
+stories: [{mass: 1, colour: red, stiffness: 1}]
+    1:21: stories[1].colour: unknown key; known: <story keys>
+stories: !!python/object:os.x [ls]
+    1:10: the tag tag:yaml.org,2002:python/object:os.x is not allowed; write the value without it
+    1:32: stories[1]: must be a mapping with the keys <story keys>, got 'ls'
+stories: [{mass: !!float 3, stiffness: 1}]
+    1:18: the tag tag:yaml.org,2002:float is not allowed; write the value without it
+stories: [{mass: 1, stiffness: 1}]¶name: ! x
+    2:7: the tag ! is not allowed; write the value without it
+x: &a {mass: 1}¶stories: [{<<: *a, stiffness: 1}]
+    1:1: x: unknown key; known: <keys>
+    2:12: stories[1].<<: merge keys are not supported; write the entries out
+stories: [{mass: 1, stiffness: 1}]¶? [a]¶: b
+    2:3: a key must be a word, got a list or a mapping
+stories: [{mass: 1, stiffness: 1}]¶"a b\n": 3
+    2:1: 'a b\n': unknown key; known: <keys>
+stories: [{mass: 1, stiffness: 1}]¶name: x¶name: y
+    3:1: name: duplicate key, first given on line 2
+# nothing¶
+    2:1: the model file is empty; it needs at least `stories`
+---¶
+    2:1: must be a mapping with the keys <keys>, got nothing
+- a
+    1:1: must be a mapping with the keys <keys>, got a list
+abc
+    1:1: must be a mapping with the keys <keys>, got 'abc'
+"\UFFFFFFFF"
+    1:4: not valid YAML: the number here is too large for a character or a version
+"\U00110000"
+    1:4: not valid YAML: the number here is too large for a character or a version
+stories: &a¶  - *a
+    2:5: the alias *a stands inside its own anchor
+stories: *x
+    1:10: the alias *x has no anchor &x above it
+---¶a: 1¶---¶b: 2
+    3:1: a second YAML document begins here; a model file holds one
+stories: [{mass: 1, law: zzz}]
+    1:26: stories[1].law: unknown law 'zzz'; known: <laws>
+stories: [{mass: 1, law: {}}]
+    1:26: stories[1].law.type: is missing; give one of <laws>
+stories: [{mass: 1, weight: 1, stiffness: 1}]
+    1:11: stories[1]: give either mass or weight, not both
+stories: [{stiffness: 1}]
+    1:11: stories[1].mass: is missing; give a positive number, or the weight in its place
+stories:¶  - {repeat: 9, mass: 1, stiffness: 1}¶  - {mass: 0, stiffness: 1}
+    3:12: stories[2].mass: must be a positive number, got '0'
+units: {mass: t}¶stories: [{mass: 1e308, stiffness: 1e999}, {mass: 1e-999, stiffness: 1}]
+    2:18: stories[1].mass: is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units, got
+        '1e308'
+    2:36: stories[1].stiffness: is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units,
+        got '1e999'
+    2:51: stories[2].mass: must be a positive number, got '1e-999'
+p_delta: true¶stories: [{mass: 1, stiffness: 1, height: 3}, {mass: 1, stiffness: 1}]
+    2:47: stories[2].height: is missing; p_delta needs the height of every story
+stories: [{mass: 1, stiffness: 1}]¶damping: {rayleigh: {ratio: 0.05, modes: [1, 1]}}
+    2:21: damping.rayleigh: a one-story model has one mode, and the ratio form needs two; write the ratio alone
+        (damping: 5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}
+stories: [{repeat: x, mass: 1, stiffness: 1}]¶initial: {velocity: [1, 2]}¶damping: {modal: [0.05, 0.1]}
+    1:20: stories[1].repeat: must be a whole number from 1 to 100000, got 'x'
+stories: [{repeat: x, mass: 1, stiffness: 1}]¶excitation: {forces: [{floor: 9, amplitude: 1, omega: 1}]}
+    1:20: stories[1].repeat: must be a whole number from 1 to 100000, got 'x'
+storeys:¶  - {mass: 0, stifness: x}¶analisys: {method: a, dt: -1}¶exitation: {record: {file: a, scale: 0}}
+    1:1: storeys: unknown key; did you mean 'stories'?
+    2:12: storeys[1].mass: must be a positive number, got '0'
+    2:15: storeys[1].stifness: unknown key; did you mean 'stiffness'?
+    2:25: storeys[1].stifness: must be a positive number, got 'x'
+    3:1: analisys: unknown key; did you mean 'analysis'?
+    3:27: analisys.dt: must be a positive number, got '-1'
+    4:1: exitation: unknown key; did you mean 'excitation'?
+    4:38: exitation.record.scale: must not be zero; leave the record out for no ground motion
+stories: [{mass: 1, stiffness: 1}]¶analysis: {dt: 1}¶analisys: {dt: 0}
+    3:1: analisys: unknown key; did you mean 'analysis'?
+stories: [{mass: 1, stiffness: 1}]¶output_units: kip, inch, g
+    2:15: output_units: output units 'kip, inch, g': unknown unit 'inch'; did you mean 'in'?
+"""
+
+# A second line below that of three sound stories.
+LINES = r"""
+damping:
+    2:9: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got nothing
+damping: 5
+    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got '5'
+damping: {}
+    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got a mapping without either
+damping: {raileigh: 3}
+    2:11: damping.raileigh: unknown key; did you mean 'rayleigh'?
+    2:21: damping.raileigh: <rayleigh>, got '3'
+damping: {modal: 0.05, rayleigh: {mass: 0, stiffness: 0}}
+    2:10: damping: give either rayleigh or modal, not both
+damping: {rayleigh: 0.05}
+    2:21: damping.rayleigh: <rayleigh>, got '0.05'
+damping: {rayleigh: {}}
+    2:21: damping.rayleigh: <rayleigh>, got a mapping without either
+damping: {rayleigh: {ratio: 0.05}}
+    2:21: damping.rayleigh.modes: is missing; give a list of two modes
+damping: {rayleigh: {modes: [1, 2]}}
+    2:21: damping.rayleigh.ratio: is missing; give one damping ratio or a list of two
+damping: {rayleigh: {ratio: -0.1, modes: [2, 2]}}
+    2:29: damping.rayleigh.ratio: must be <ratio>, got '-0.1'
+    2:42: damping.rayleigh.modes: must be two different modes, got 2 twice
+damping: {rayleigh: {ratio: [0.1, 0.2, 0.3], modes: [0, 4]}}
+    2:29: damping.rayleigh.ratio: must be one damping ratio or a list of two, got 3
+    2:54: damping.rayleigh.modes[1]: must be a whole number from 1 to 3 (the number of stories), got '0'
+    2:57: damping.rayleigh.modes[2]: must be a whole number from 1 to 3 (the number of stories), got '4'
+damping: {rayleigh: {ratio: [0.1], modes: 3}}
+    2:29: damping.rayleigh.ratio: a list must hold at least two damping ratios; write a single one without
+        brackets
+    2:43: damping.rayleigh.modes: must be a list of two modes, got '3'
+damping: {rayleigh: {ratio: 0.1, modes: [1, 2, 3]}}
+    2:41: damping.rayleigh.modes: must be a list of two modes, got 3
+damping: {rayleigh: {ratio: 0.1, mass: 3}}
+    2:21: damping.rayleigh: give either ratio and modes or mass and stiffness, not both
+damping: {rayleigh: {mass: -1}}
+    2:21: damping.rayleigh.stiffness: is missing; give zero or a positive number
+    2:28: damping.rayleigh.mass: must be zero or a positive number, got '-1'
+damping: {rayleigh: {ratoi: 0.1, mode: [1, 2]}}
+    2:22: damping.rayleigh.ratoi: unknown key; did you mean 'ratio'?
+    2:34: damping.rayleigh.mode: unknown key; did you mean 'modes'?
+damping: {modal: 105%}
+    2:18: damping.modal: must be <ratio>, got '105%'
+damping: {modal: x%}
+    2:18: damping.modal: must be <ratio>, got 'x%'
+damping: {modal: [0.05]}
+    2:18: damping.modal: a list must hold at least two damping ratios; write a single one without brackets
+damping: {modal: [0.05, 1, 0.2, 0.3]}
+    2:18: damping.modal: must be a list of at most 3 damping ratios (one per mode), got 4
+    2:25: damping.modal[2]: must be <ratio>, got '1'
+damping: {modal: {ratio: 0.05}}
+    2:18: damping.modal.modes: is missing; give the number of modes to damp
+damping: {modal: {ratio: 0.05, modes: 4}}
+    2:39: damping.modal.modes: must be a whole number from 1 to 3 (the number of stories), got '4'
+excitation:
+    2:12: excitation: must be a mapping with the keys record, forces, got nothing
+excitation: {recrod: x}
+    2:14: excitation.recrod: unknown key; did you mean 'record'?
+excitation: {record: }
+    2:21: excitation.record: must be text, got nothing
+excitation: {record: []}
+    2:22: excitation.record: must be a file or a mapping with the key file, got a list
+excitation: {record: {}}
+    2:22: excitation.record.file: is missing; give the record's file
+excitation: {record: {file: '', units: gels, scale: 0, component: [], inventory: ~}}
+    2:29: excitation.record.file: must be text, got ''
+    2:40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2, ft/s^2, with a
+        factor before it for counts
+    2:53: excitation.record.scale: must not be zero; leave the record out for no ground motion
+    2:67: excitation.record.component: must be text, got a list
+    2:82: excitation.record.inventory: must be text, got nothing
+excitation: {record: {file: "a\nb", scale: .inf}}
+    2:29: excitation.record.file: must be one line without control characters, got 'a\nb'
+    2:44: excitation.record.scale: must be a number, got '.inf'; it must be finite
+excitation: {record: {file: a, trim: 3, pad: x, highpass: 0, lowpass: a, baseline: linaer, corners: 2.5, resample: []}}
+    2:38: excitation.record.trim: trim must be START:END in seconds, got '3'
+    2:46: excitation.record.pad: pad must be SECONDS or BEFORE:AFTER, got 'x'
+    2:59: excitation.record.highpass: must be a positive number, got '0'
+    2:71: excitation.record.lowpass: must be a positive number, got 'a'
+    2:84: excitation.record.baseline: unknown baseline 'linaer'; did you mean 'linear'?
+    2:101: excitation.record.corners: must be a whole number from 1 to 10, got '2.5'
+    2:116: excitation.record.resample: must be a positive number, got a list
+excitation: {record: {file: a, trim: '3:2'}}
+    2:22: excitation.record: trim must be START:END in seconds from the first sample with START below END
+excitation: {record: {file: a, highpass: 3, lowpass: 2}}
+    2:22: excitation.record: highpass (3 Hz) must be below lowpass (2 Hz): nothing would be left
+excitation: {record: {file: a, corners: 3}}
+    2:22: excitation.record: corners are those of a filter: give highpass or lowpass, too
+excitation: {record: "\ud800"}
+    2:22: excitation.record: must be one line without control characters, got '\ud800'
+excitation: {forces: {}}
+    2:22: excitation.forces: must be a list of forces, got a mapping
+excitation: {forces: [3, {}, {floor: 4, amplitude: x, omega: -1, phase: tan}, {floor: 1, amplitude: 1, freq: 3}]}
+    2:23: excitation.forces[1]: must be a mapping with the keys floor, amplitude, omega, phase, got '3'
+    2:26: excitation.forces[2].floor: is missing; give the floor, counted from 1 at the bottom
+    2:26: excitation.forces[2].amplitude: is missing; give a number
+    2:26: excitation.forces[2].omega: is missing; give zero or a positive number
+    2:38: excitation.forces[3].floor: must be a whole number from 1 to 3 (the number of stories), got '4'
+    2:52: excitation.forces[3].amplitude: must be a number, got 'x'
+    2:62: excitation.forces[3].omega: must be zero or a positive number, got '-1'
+    2:73: excitation.forces[3].phase: must be cos, sin or an angle in radians, got 'tan'
+    2:79: excitation.forces[4].omega: is missing; give zero or a positive number
+    2:104: excitation.forces[4].freq: unknown key; known: floor, amplitude, omega, phase
+initial: [1]
+    2:10: initial: must be a mapping with the keys displacement, velocity, got a list
+initial: {displacement: 1, velocity: [1, 2]}
+    2:25: initial.displacement: must be a list with one number per story, got '1'
+    2:38: initial.velocity: must have one number per story (3), got 2
+initial: {displacement: [1, x, 2]}
+    2:29: initial.displacement[2]: must be a number, got 'x'
+analysis: {dt: 0, duration: -1, method: }
+    2:16: analysis.dt: must be a positive number, got '0'
+    2:29: analysis.duration: must be a positive number, got '-1'
+    2:40: analysis.method: must be text, got nothing
+analysis: impulse4
+    2:11: analysis: must be a mapping with the keys method, dt, duration, got 'impulse4'
+collapse_drift: 0
+    2:17: collapse_drift: must be a positive number, got '0'
+name: [a]
+    2:7: name: must be text, got a list
+p_delta: 'true'
+    2:10: p_delta: must be true or false, got 'true' in quotes; remove the quotes
+p_delta: 1
+    2:10: p_delta: must be true or false, got '1'
+units: SI
+    2:8: units: must be a mapping with the keys length, force, mass, got 'SI'
+units: {length: metre, force: KN, mass: , time: s}
+    2:17: units.length: unknown length unit 'metre'; known: m, cm, mm, in, ft
+    2:31: units.force: unknown force unit 'KN'; did you mean 'kN'?
+    2:40: units.mass: must be the name of a mass unit, got nothing
+    2:43: units.time: unknown key; known: length, force, mass
+"""
+
+# The law of a story whose mass is all that is sound of it; without the places, which are those of the keys above.
+LAWS_OF_A_STORY = r"""
+bilinar
+    stories[1].law: unknown law 'bilinar'; did you mean 'bilinear'?
+[a]
+    stories[1].law: must be the name of a law, got a list
+{typ: bilinear}
+    stories[1].law.typ: unknown key; did you mean 'type'?
+{type: [a]}
+    stories[1].law.type: must be the name of a law, got a list
+bilinear
+    stories[1].stiffness: is missing; give a positive number
+    stories[1].law: the bilinear law needs its parameters; write {type: bilinear, yield_force: ..., hardening:
+        ...}
+polynomial
+    stories[1].law: the polynomial law needs its parameters; write {type: polynomial, coefficients: ...}
+{type: bilinear, yield_forc: 3, hardening: 1}, stiffness: 1
+    stories[1].law.yield_forc: unknown key; did you mean 'yield_force'?
+    stories[1].law.hardening: must be <ratio>, got '1'
+{type: bilinear, coefficients: [1]}, stiffness: 1
+    stories[1].law.yield_force: is missing; give a positive number
+    stories[1].law.hardening: is missing; give <ratio>
+    stories[1].law.coefficients: unknown key; known: type, yield_force, hardening
+{type: polynomial}
+    stories[1].law.coefficients: is missing; give a list of numbers
+{type: polynomial, coefficients: []}
+    stories[1].law.coefficients: must hold at least one number
+{type: polynomial, coefficients: 3}
+    stories[1].law.coefficients: must be a list of numbers, got '3'
+{type: polynomial, coefficients: [-3, x]}
+    stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
+    stories[1].law.coefficients[2]: must be a number, got 'x'
+{type: polynomial, coefficients: [0]}, stiffness: 3
+    stories[1].law: the initial stiffness of the polynomial law must be a positive number, got 0
+{type: polynomial, coefficients: [3, 1]}, stiffness: 3.1
+    stories[1].stiffness: must agree with the initial stiffness 3 of its polynomial law, got 3.1; correct it or
+        leave it out
+{type: polynomial, coefficients: [3, 1]}, stiffness: x
+    stories[1].stiffness: must be a positive number, got 'x'
+"""
+
+
+def cases(table: str) -> list[tuple[str, list[str]]]:
+    """The texts of a table with their faults."""
+    for short, words in WORDS.items():
+        table = table.replace(short, words)
+    blocks = re.split(r"\n(?! )", table.strip("\n").replace("\n        ", " "))
+    return [
+        (text.replace("¶", "\n"), faults.split("\n    ")) for text, _, faults in (b.partition("\n    ") for b in blocks)
+    ]
+
+
+def faults(text: str) -> list[str]:
+    """The faults of a file as `line:column: key: message`."""
+    with pytest.raises(ModelError) as caught:
+        load_model(io.StringIO(text))
+    problems = caught.value.faults
+    assert str(caught.value) == "\n".join(map(str, problems))
+    assert all(problem.source == "<stream>" and "\n" not in str(problem) for problem in problems)
+    return [str(problem).removeprefix("<stream>:") for problem in problems]
+
+
+@pytest.mark.parametrize(("text", "expected"), cases(FILES))
+def test_faults_of_files(text: str, expected: list[str]) -> None:
+    assert faults(text) == expected
+
+
+@pytest.mark.parametrize(("line", "expected"), cases(LINES))
+def test_faults_of_lines(line: str, expected: list[str]) -> None:
+    assert faults(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\n{line}") == expected
+
+
+@pytest.mark.parametrize(("law", "expected"), cases(LAWS_OF_A_STORY))
+def test_faults_of_laws(law: str, expected: list[str]) -> None:
+    found = faults(f"units: {{force: kN, mass: kg}}\nstories: [{{mass: 1, law: {law}}}]")
+    assert [fault.split(": ", 1)[1] for fault in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", "1:1: the model file is empty; it needs at least `stories`"),
+        ("a: 1\nb: \x00", "2:4: the character U+0000 cannot stand in a YAML file; remove it"),
+        ("[" * 5000, "1:34: nested more than 32 levels deep; this is no model file"),
+        (
+            'stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: "\\ud800"}',
+            "2:22: excitation.record: must be one line without control characters, got '\\ud800'",
+        ),
+        (
+            "units: {length: mm, force: kN, mass: kg}\n"
+            "stories: [{mass: 1, stiffness: 3.1, law: {type: polynomial, coefficients: [3]}}]",
+            "2:32: stories[1].stiffness: must agree with the initial stiffness 3 of its polynomial law, got 3.1; "
+            "correct it or leave it out",
+        ),
+    ],
+)
+def test_other_faults_of_files(text: str, fault: str) -> None:
+    assert faults(text) == [fault]
+
+
+def test_coefficients_out_of_all_proportion_in_si() -> None:
+    found = faults(
+        "units: {length: mm, mass: kg}\n"
+        f"stories: [{{mass: 1, law: {{type: polynomial, coefficients: [{', '.join(['1'] * 110)}]}}}}]"
+    )
+    beyond = "is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units"
+    assert found[0].endswith(f"stories[1].law.coefficients[21]: {beyond}, got '1'")
+
+
+def test_all_faults_at_once_in_file_order(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(
+        "storeys: 3\n"
+        "units: {length: m, force: kn}\n"
+        "stories:\n"
+        "  - mass: 200\n"
+        "    stiffness: 1\n"
+        "  - mass: abc\n"
+        "    stifness: 1\n"
+        "    law: {type: bilinear, yield_force: -1}\n"
+        "damping: {rayleigh: {ratio: 5, modes: [1, 7]}}\n"
+        "p_delta: yes\n"
+        "analysis:\n"
+        "  dt: 0\n"
+        "  dt: 0.01\n"
+    )
+    with pytest.raises(ModelError) as caught:
+        load_model(path)
+    assert caught.value.exit_code == 3
+    assert caught.value.faults[2] == ModelFault(
+        str(path), 6, 11, "stories[2].mass", "must be a positive number, got 'abc'"
+    )
+    assert [str(problem).removeprefix(str(path)) for problem in caught.value.faults] == [
+        ":1:1: storeys: unknown key; did you mean 'stories'?",
+        ":2:27: units.force: unknown force unit 'kn'; did you mean 'kN'?",
+        ":6:11: stories[2].mass: must be a positive number, got 'abc'",
+        ":7:5: stories[2].stifness: unknown key; did you mean 'stiffness'?",
+        f":8:10: stories[2].law.hardening: is missing; give {WORDS['<ratio>']}",
+        ":8:40: stories[2].law.yield_force: must be a positive number, got '-1'",
+        f":9:29: damping.rayleigh.ratio: must be {WORDS['<ratio>']}, got '5'",
+        ":9:43: damping.rayleigh.modes[2]: must be a whole number from 1 to 2 (the number of stories), got '7'",
+        ":10:10: p_delta: must be true or false, got 'yes'",
+        ":12:7: analysis.dt: must be a positive number, got '0'",
+        ":13:3: analysis.dt: duplicate key, first given on line 12",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "advice"),
+    [
+        ("a: b: c", "1:5", ""),
+        ("stories: [{mass: 1\n", "2:1", ""),
+        ("a:\n\tb: 1", "2:1", "; indent with spaces, not tabs"),
+    ],
+)
+def test_not_yaml(text: str, place: str, advice: str) -> None:
+    """Place and advice; the words between them are PyYAML's, on one line."""
+    (fault,) = faults(text)
+    assert re.fullmatch(rf"{place}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
+
+
+def test_long_value_is_quick() -> None:
+    (fault,) = faults(f"stories: [{{mass: {'0' * 200_000}x, stiffness: 1}}]")
+    assert fault == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the number alone"
+
+
+def test_alias_bomb_is_just_an_unknown_key() -> None:
+    lines = ["a0: &a0 [x]"] + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)]
+    found = faults("\n".join(lines))
+    assert len(found) == 41
+    assert found[0] == f"1:1: a0: unknown key; known: {WORDS['<keys>']}"
+    assert "1:1: stories: is missing; give a list with one entry per story, or a building in its place" in found
+
+
+def refusal(source: str | Path) -> str:
+    with pytest.raises(ModelError) as caught:
+        load_model(source)
+    return str(caught.value)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    missing = tmp_path / "none.yaml"
+    assert refusal(missing) == f"{missing}: no such file; give a model file (YAML) or - for standard input"
+    assert refusal(str(tmp_path)) == f"{tmp_path}: is a folder; give a model file (YAML) in it"
+    assert refusal("") == ".: is a folder; give a model file (YAML) in it"
+    assert refusal("a\0b") == "a\0b: cannot be read: no file has a null character in its name"
+    assert refusal(f"{tmp_path}/{'x' * 300}").endswith("cannot be read: File name too long")
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root reads everything")
+def test_file_without_permission(tmp_path: Path) -> None:
+    path = tmp_path / "locked.yaml"
+    path.touch(mode=0)
+    assert refusal(path) == f"{path}: cannot be read: Permission denied"
+
+
+def test_file_that_is_not_text(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_bytes("# Büro\nname: B".encode() + b"\xfcro\n")
+    assert refusal(path) == f"{path}:2:8: not UTF-8 text (byte 0xfc); save the model file as UTF-8"
+    path.write_text("name: x", encoding="utf-16")
+    assert refusal(path) == f"{path}:1:1: not UTF-8 text (byte 0xff); save the model file as UTF-8"
+
+
+def test_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "MAX_BYTES", 2 * 1024 * 1024)
+    path = tmp_path / "m.yaml"
+    path.write_text("#" * (2 * 1024 * 1024 + 1))
+    assert refusal(path) == f"{path}: larger than 2 MiB; this is no model file"
+
+
+def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", None)
+    assert refusal("-") == "-: standard input is closed; give a model file"
+
+
+def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_bytes(b"name: \xfc\n")
+    with path.open(encoding="utf-8", errors="surrogateescape") as stream, pytest.raises(ModelError) as caught:
+        load_model(stream)
+    assert str(caught.value) == f"{path}:1:7: not UTF-8 text (byte 0xed); save the model file as UTF-8"
+    with path.open(encoding="utf-8") as stream, pytest.raises(ModelError, match=r"m\.yaml: cannot be read: "):
+        load_model(stream)

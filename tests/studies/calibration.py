@@ -1,0 +1,45 @@
+"""A recorded building: which stiffness, strength and damping its roof's motion tells, by Markov chains."""
+
+import emcee
+import numpy as np
+
+import tdint
+
+# What was recorded: here the frame with other numbers, and noise, stands for the building.
+ground = tdint.read_record("records/kaikoura/WTMC.mseed", component="HN1", units="m/s^2")
+ground = tdint.process(ground, trim=(0.0, 40.0))
+frame = tdint.load_model("configs/ten-story-bilinear.yaml")
+truth = {"stiffness_factor": 1.15, "strength_factor": 0.9, "damping": 0.03}
+chance = np.random.default_rng(1)
+
+
+def roof(**numbers):
+    """Motions of the roof, m, a row for each draw."""
+    runs = tdint.run_many(frame, ground, vary=numbers, history="displacement", every=10, method="impulse4")
+    return runs.history["displacement"][:, :, -1]
+
+
+(recorded,) = roof(**{name: [value] for name, value in truth.items()})
+noise = 0.05 * recorded.std()
+recorded = recorded + noise * chance.standard_normal(recorded.size)
+
+LOWEST, HIGHEST = np.array([0.5, 0.3, 0.005]), np.array([2.0, 3.0, 0.15])
+
+
+def log_probability(points):
+    """Of all walkers in one call: flat within bounds, the misfit of the roof in terms of the noise."""
+    inside = np.all((points > LOWEST) & (points < HIGHEST), axis=1)
+    told = np.full(len(points), -np.inf)
+    if inside.any():
+        motions = roof(**dict(zip(truth, points[inside].T, strict=True)))
+        told[inside] = -0.5 * np.sum((np.nan_to_num(motions, nan=1e3) - recorded) ** 2, axis=1) / noise**2
+    return told
+
+
+start = np.array([1.0, 1.0, 0.05]) * chance.uniform(0.9, 1.1, (16, 3))
+sampler = emcee.EnsembleSampler(16, 3, log_probability, vectorize=True)
+sampler.random_state = np.random.RandomState(1).get_state()
+sampler.run_mcmc(start, 60)
+chain = sampler.get_chain(discard=40, flat=True)
+for name, values in zip(truth, chain.T, strict=True):
+    print(f"{name}: {values.mean():.3f} +- {values.std():.3f}, true {truth[name]}")

@@ -1,0 +1,164 @@
+"""`import tdint`: its names, what they say of themselves, and a program of all of them that is typed."""
+
+import ast
+import builtins
+import inspect
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import tdint
+
+FUNCTIONS = sorted(name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower())
+
+PROGRAM = '''
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import tdint
+
+content: dict[str, Any] = {"stories": [{"mass": 1e5, "height": 3.0, "stiffness": 1e8}], "damping": "5%"}
+model: tdint.Model = tdint.load_model(content)
+record: tdint.Record = tdint.make_record(np.zeros(100), dt=0.01, units="g")
+periods = np.geomspace(0.1, 2.0, 10)
+
+
+class Trace:
+    """As ObsPy has one."""
+
+    stats: Any = None
+
+
+def buildings() -> None:
+    tdint.run_many([content, model, "a.yaml", Path("a.yaml")], [record, "a.mseed", Trace()], scales=[1, 2])
+    for given in (content, model, "a.yaml", Path("a.yaml"), io.StringIO("")):
+        tdint.modes(given)
+    response: tdint.Response = tdint.run(content, "a.mseed", method="impulse4", check=True)
+    response.stories.peak_drift.max()
+    case = tdint.prepare(content, Trace())
+    tdint.run_case(case.scaled(2.0), tolerance="1%")
+    tdint.run_sequence(case, [record, record], rest=1.0)
+    tdint.pushover(content, "2%").to_dict("kip,in,g")
+    tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")
+    tdint.cyclic_test(content, 1, ["1%", 0.02])
+    tdint.modal_response(model, "ec8:ag=0.3,soil=B")
+    tdint.compare(content, "event.yaml", method="impulse4")
+    tdint.check("a.yaml").to_dict()
+    tdint.compile_model(content, "impulse4")
+    text: str = tdint.first_model(3, period=0.4)
+    for building in tdint.inventory(Path("a.csv"), units="ft"):
+        print(building, text)
+
+
+def motions() -> None:
+    pair = tdint.read_horizontals("a.mseed", units="g", layout=tdint.TextLayout())
+    tdint.process(tdint.read_record(Path("a.mseed")), trim=(0.0, None), pad=10.0)
+    tdint.rotated_spectrum(pair, periods, percentiles=[50]), tdint.rotated_spectrum([record, "b.mseed"], periods)
+    tdint.constant_ductility("a.mseed", periods, [2.0]), tdint.constant_strength(record, periods, [0.1])
+    tdint.drift_spectrum(Trace(), periods)
+    tdint.floor_spectra(tdint.run(model, record, history=True), ["roof", 1], periods)
+    tdint.record_info(Trace())
+    figure = tdint.spectrum(record, periods).plot()
+    axes = figure.add_subplot()
+    tdint.plot(tdint.spectrum(record, periods), ax=axes).set_xlabel("T")
+    tdint.plot([tdint.spectrum(record, periods)], file="a.png", width=0.09, label={"a": "b"}).savefig("b.png")
+    columns: dict[str, Any] = tdint.to_dict(tdint.spectrum(record, periods), units="g")
+    print(columns)
+
+
+def studies() -> None:
+    tdint.campaign(Path("campaign.yaml"), "folder", jobs=2).to_dict()
+    tdint.scale([record, (record, "b.mseed")], "pga", 1.0, periods=[0.1, 1.0])
+    tdint.ida(content, [record, "b.mseed", (record, record)], jobs=2).plot()
+    tdint.sensitivity(content, [record], {"damping": (0.02, 0.05)})
+    tdint.fragility(Path("a.csv"), [0.01, 0.02]).plot()
+    tdint.fit_stripes([1.0, 2.0], [1, 2], [3, 3]), tdint.fit_capacities([1.0, 2.0], [False, True])
+    tdint.fit_cloud(np.ones(3), np.ones(3), [0.01])
+
+
+def methods() -> None:
+    for method in tdint.methods(["impulse4"]):
+        tdint.stability(method, np.array([0.1])), tdint.overshoot(method), tdint.order(method)
+    tdint.stability(method="hht", dt_over_t=np.array([0.1])), tdint.overshoot(method="hht"), tdint.order(method="hht")
+    for trial in tdint.failures("hht", ["large-step"]):
+        print(trial)
+    tdint.paper_examples([1], ["wilson"], dts=[0.02]).to_dict()
+    tdint.chart(content, "a.mseed", methods=["impulse4"]).plot()
+    tdint.chart_many([content], ["a.mseed"], methods=["impulse4"], repeats=1).plot()
+    for result in tdint.validate():
+        print(result)
+    found, laws = tdint.load_plugin(Path("mine.py"))
+    tdint.register_method(found[0])
+    tdint.register_law(laws[0])
+    try:
+        runs: tdint.Runs = tdint.run_many(model, record)
+        runs.stories.peak_drift.max()
+    except tdint.FailedRun as failure:
+        print(failure.status)
+    except tdint.TdintError as error:
+        print(error)
+'''
+
+
+def test_nothing_of_python_is_shadowed():
+    everything: dict[str, object] = {}
+    exec("from tdint import *", everything)
+    taken = set(everything) - {"__builtins__"}
+    assert taken == set(tdint.__all__) and not taken & set(dir(builtins))
+    assert issubclass(tdint.FailedRun, tdint.TdintError)
+    assert isinstance(tdint.make_record([0.0, 1.0], dt=0.01, units="g"), tdint.Record)
+    with pytest.raises(AttributeError, match="it is 'first_model' now"):
+        tdint.init  # noqa: B018
+
+
+def test_a_checker_of_types_is_told_the_same_names():
+    tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If)).body
+    told = {alias.asname: node.module for node in block if isinstance(node, ast.ImportFrom) for alias in node.names}
+    names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
+    homes = dict(tdint._HOMES)
+    assert names == set(tdint._CALLED)
+    assert {name: home for name, home in told.items() if name} == {
+        name: home for name, home in homes.items() if name not in names
+    }
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_says_what_it_takes_gives_and_raises(name):
+    function = inspect.unwrap(getattr(tdint, name))
+    signature = inspect.signature(function)
+    if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
+        function = getattr(import_module(tdint._HOMES[name]), tdint._CALLED.get(name, name))
+    text = inspect.getdoc(function)
+    sections = [title for title in ("Parameters", "Returns", "Raises") if f"{title}\n{'-' * len(title)}\n" in text]
+    expected = ["Parameters"] * bool(signature.parameters) + ["Returns", "Raises"]
+    assert sections == expected
+    given = text.partition("Parameters\n")[2].partition("Returns\n")[0]
+    heads = [line for line in given.splitlines()[1:] if line and not line.startswith(" ")]
+    described = {one.strip(" *") for line in heads for one in line.partition(" : ")[0].split(",")}
+    assert described == set(signature.parameters)
+    assert all(parameter.annotation is not parameter.empty for parameter in signature.parameters.values())
+    assert signature.return_annotation not in (signature.empty, "Any")
+
+
+@pytest.mark.slow
+def test_a_program_of_all_functions_is_typed(tmp_path):
+    pytest.importorskip("mypy")
+    named = {node.attr for node in ast.walk(ast.parse(PROGRAM)) if isinstance(node, ast.Attribute)}
+    assert set(FUNCTIONS) <= named
+    file = tmp_path / "program.py"
+    file.write_text(PROGRAM, encoding="utf-8")
+    source = Path(tdint.__file__).parents[1]
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={tmp_path}", "--config-file=", str(file)],
+        capture_output=True, text=True, cwd=tmp_path, env={**os.environ, "MYPYPATH": str(source)},
+    )  # fmt: skip
+    faults = [line for line in checked.stdout.splitlines() if line.startswith("program.py")]
+    assert faults == [] and checked.returncode in (0, 1), checked.stdout + checked.stderr

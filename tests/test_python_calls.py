@@ -1,0 +1,108 @@
+"""Calls of the Python interface with arguments of the wrong kind: a UsageError that names the parameter."""
+
+import inspect
+import multiprocessing
+import pickle
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint import errors
+from tdint.analysis.run.outcome import FailedRun
+from tdint.campaign.store_schema import UntrustedStoreError
+from tdint.errors import TdintError, UsageError
+from tdint.tabular import asked_rightly
+
+
+@pytest.fixture(scope="module")
+def model():
+    return tdint.load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 100.0}]})
+
+
+@pytest.fixture(scope="module")
+def record():
+    return tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "parameter"),
+    [
+        ("stability", {"dt_over_t": 0.1}, "method"),
+        ("stability", {"method": ["bathe"], "dt_over_t": np.array([0.1])}, "method"),
+        ("stability", {"method": "bathe", "dt_over_t": 0.1}, "dt_over_t"),
+        ("stability", {"method": "bathe", "dt_over_t": np.ones((2, 2))}, "dt_over_t"),
+        ("scale", {"motions": 0.1}, "motions"),
+        ("first_model", {"stories": None}, "stories"),
+        ("inventory", {"source": None}, "source"),
+        ("methods", {"specifications": 0}, "specifications"),
+        ("load_plugin", {"file": None}, "file"),
+        ("fit_capacities", {"capacity": "x"}, "capacity"),
+    ],
+)
+def test_an_argument_of_another_kind_is_told_by_its_name(name, given, parameter):
+    with pytest.raises(UsageError) as caught:
+        getattr(tdint, name)(**given)
+    assert parameter in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_those_of_models_and_records_too(model, record):
+    calls = {
+        "until_rest": lambda: tdint.run(model, record, until_rest=np.array([1.0, 2.0])),
+        "dt": lambda: tdint.run(model, record, dt=np.ones((2, 2))),
+        "motions": lambda: tdint.scale(record),
+    }
+    for parameter, call in calls.items():
+        with pytest.raises(TdintError) as caught:
+            call()
+        assert parameter in str(caught.value)
+
+
+def test_what_works_is_not_looked_at_and_a_bug_stays_one():
+    def call(number: float, flag: bool = False) -> float:
+        if flag:
+            raise ValueError("a bug")
+        return number * 2
+
+    asked = asked_rightly(call, "call")
+    assert asked("a") == "aa"
+    with pytest.raises(ValueError, match="a bug"):
+        asked(1.0, flag=True)
+    with pytest.raises(UsageError, match="call: number must be a number, got 'a'"):
+        asked("a", flag=True)
+    with pytest.raises(UsageError, match="call: missing a required argument: 'number'"):
+        asked()
+    with pytest.raises(TypeError, match="unexpected"):  # as of any function, too
+        asked(1.0, other=2)
+    assert inspect.signature(asked) == inspect.signature(call)
+
+
+def test_a_function_goes_to_another_process():
+    for name in ("run", "spectrum", "cyclic_test", "compare"):
+        function = getattr(tdint, name)
+        assert pickle.loads(pickle.dumps(function)) is function
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.UsageError("no"),
+        errors.ModelError([errors.ModelFault("a.yaml", 1, 2, "k", "bad")]),
+        UntrustedStoreError("a.sqlite", "why"),
+        FailedRun("ran away", "diverged", "newmark", 0.1, time=2.0, notes=("a",)),
+    ],
+)
+def test_every_error_is_read_by_another_process(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+
+
+def fail(kind):
+    raise UntrustedStoreError("a.sqlite", kind)
+
+
+def test_a_pool_of_new_processes_does_not_wait_for_ever():
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        waiting = pool.apply_async(fail, ("why",))
+        with pytest.raises(UntrustedStoreError, match="why"):
+            waiting.get(timeout=120.0)
