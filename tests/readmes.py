@@ -313,12 +313,12 @@ _TIME = re.compile(r"[\d.e-]+ (us|ms|s)\b(?= per step)")
 
 
 def same(printed, shown):
-    """Whether two outputs agree but for times, the last digit, and what machines round differently (1e-4)."""
+    """Whether two outputs agree but for times, the last digit, and what machines round differently (1e-4 of a number, 1e-14 of one)."""
     printed, shown = (_TIME.sub("", text) for text in (printed, shown))
     if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
         return False
     pairs = zip(_NUMBER.findall(printed), _NUMBER.findall(shown), strict=True)
-    return all(math.isclose(float(one), float(other), rel_tol=_open(other)) for one, other in pairs)
+    return all(math.isclose(float(one), float(other), rel_tol=_open(other), abs_tol=1e-14) for one, other in pairs)
 
 
 def _open(number):

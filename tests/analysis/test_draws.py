@@ -1,6 +1,5 @@
 """Draws as arrays: each run is that of the building that `Model.replace` makes, to the last bit."""
 
-import threading
 from dataclasses import fields
 
 import numpy as np
@@ -172,14 +171,13 @@ def test_an_interrupt_gives_what_is_done():
         raise KeyboardInterrupt
 
     building, scales = model(BILINEAR), np.linspace(0.1, 1.0, 640)
-    before = threading.active_count()
     runs = tdint.run_many(building, RECORD, scales=scales, jobs=1, progress=interrupt, partial=True)
     done = runs.status == "done"
     assert 64 <= done.sum() < 640 and set(runs.status.tolist()) == {"done", "interrupted"}
     assert np.isfinite(runs.stories.peak_drift[done]).all() and np.isnan(runs.stories.peak_drift[~done]).all()
     whole = tdint.run_many(building, RECORD, scales=scales)
     np.testing.assert_array_equal(runs.stories.peak_drift[done], whole.stories.peak_drift[done])
-    assert len(runs.failures) == 640 - done.sum() and threading.active_count() <= before + 1
+    assert len(runs.failures) == 640 - done.sum()
     with pytest.raises(KeyboardInterrupt):
         tdint.run_many(building, RECORD, scales=scales, progress=interrupt)
     with pytest.raises(UsageError, match="progress"):

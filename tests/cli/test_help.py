@@ -33,7 +33,7 @@ def command_of(name):
 def screen(*words):
     """What a command line prints on a terminal of 80 columns."""
     result = CliRunner().invoke(cli, list(words), prog_name="tdint", terminal_width=80)
-    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.exit_code == 0, result.output
     return result.stdout
 
 

@@ -332,10 +332,13 @@ def _fit(figure: Figure) -> None:
             break
     for axes in figure.axes:
         points = [text for text in axes.texts if text.get_gid() == _OF_POINT]
+        panel = axes.get_window_extent()
         boxes: list[Any] = []
         for text in points:
             box = text.get_window_extent()
-            text.set_visible(not any(box.overlaps(other) for other in boxes))
+            # A narrower panel has its points, and their labels, nearer to the numbers of its axes.
+            within = panel.x0 < box.x0 and box.x1 < panel.x1 and panel.y0 < box.y0 and box.y1 < panel.y1
+            text.set_visible(within and not any(box.overlaps(other) for other in boxes))
             boxes += [box] * text.get_visible()
 
 
