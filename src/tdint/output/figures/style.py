@@ -338,8 +338,9 @@ def _fit(figure: Figure) -> None:
             box = text.get_window_extent()
             # A narrower panel has its points, and their labels, nearer to the numbers of its axes.
             within = panel.x0 < box.x0 and box.x1 < panel.x1 and panel.y0 < box.y0 and box.y1 < panel.y1
-            text.set_visible(within and not any(box.overlaps(other) for other in boxes))
-            boxes += [box] * text.get_visible()
+            shown = bool(within) and not any(box.overlaps(other) for other in boxes)
+            text.set_visible(shown)
+            boxes += [box] * shown
 
 
 _OF_POINT = "point"
