@@ -11,14 +11,14 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(law_parameters, springs, i, past, trial, drift):
-        """By Horner's rule."""
-        force = 0.0
-        tangent = 0.0
+        """By Horner's rule; a sum of two products could be contracted in two ways, by the scene it is compiled for."""
+        secant = 0.0
+        slope = 0.0  # of the secant
         for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
-            force = force * drift + law_parameters[row, i]
-            tangent = tangent * drift + (row - at.FIRST_PARAMETER + 1) * law_parameters[row, i]
-        springs[trial + at.FORCE, i] = force * drift
-        return tangent
+            slope = slope * drift + secant
+            secant = secant * drift + law_parameters[row, i]
+        springs[trial + at.FORCE, i] = secant * drift
+        return slope * drift + secant
 
     @inlined
     def recoverable(law_parameters, springs, i):
