@@ -239,3 +239,17 @@ def test_a_mainshock_that_cannot_bring_the_damage(study, tdint):
     result = tdint(*AFTERSHOCKS, "--damage", "3%")
     assert result.exit_code == 5, result.output
     assert "does not reach a drift of 3 %" in result.stderr
+
+
+def test_units_of_each_shock(study, tdint):
+    """A column of the table, for some rows alone, does what the key does for all."""
+    assert tdint("campaign", "study.yaml", "-o", "all").exit_code == 0
+    of_rows = PAIRS.replace("factor\n", "factor,units\n").replace("HNE,0.5", "HNE,0.5,100 cm/s^2")
+    of_rows = of_rows.replace("HNE,1\n", "HNE,1,m/s^2\n")
+    (study / "pairs.csv").write_text(of_rows)
+    assert tdint("campaign", "study.yaml", "-o", "rows").exit_code == 0
+    assert rows("rows/runs.csv") == rows("all/runs.csv")
+    (study / "pairs.csv").write_text(of_rows.replace("100 cm/s^2", "cm/s^2"))
+    assert tdint("campaign", "study.yaml", "-o", "small").exit_code == 0
+    assert rows("small/runs.csv")[0] != rows("all/runs.csv")[0]
+    assert rows("small/runs.csv")[2:] == rows("all/runs.csv")[2:]

@@ -11,6 +11,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 UNITS = ("--units", "m/s^2")
+PGA = ("--pga", "0.6g")
 
 
 def test_factors_to_a_value(folder, tdint):
@@ -33,6 +34,32 @@ def test_factors_to_a_value(folder, tdint):
     told = json.loads((folder / "us.json").read_text())["records"][0]
     assert told["pga_g"] == pytest.approx(summary["records"][0]["pga_m_s2"] / 9.80665, rel=1e-11)
     assert (folder / "f" / "factors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_counts_and_others_in_one_call(folder, tdint, make_record):
+    """Units by the end of the path, by a table and in a campaign are those of each file given alone."""
+    make_record(folder / "counts.mseed", "HNE", integer=True)
+    (folder / "lab.txt").write_text("# dt = 0.02 s\n0\n0.11\n-0.07\n0.02\n0\n")
+    (folder / "units.csv").write_text("record,units\ncounts.mseed,1e-5 m/s^2\nmotion.mseed,m/s^2\nlab.txt,g\n")
+    of_each = {"motion.mseed": "m/s^2", "counts.mseed": "1e-5 m/s^2", "lab.txt": "g"}
+    expected = [
+        row for file, units in of_each.items() for row in rows(tdint("scale", file, "--units", units, *PGA).stdout)
+    ]
+    for units in ("TEXT=g,counts.mseed=1e-5 m/s^2,*.mseed=m/s^2", "units.csv"):
+        result = tdint("scale", *of_each, "--units", units, *PGA)
+        assert result.exit_code == 0, result.output
+        assert rows(result.stdout) == expected
+        files = ", ".join(of_each)
+        (folder / "study.yaml").write_text(
+            f"buildings: {{models: [shaken.yaml]}}\nrecords: {{files: [{files}], units: '{units}'}}\n"
+        )
+        (folder / "sub").mkdir(exist_ok=True)
+        done = tdint("campaign", "study.yaml", "-o", f"sub/{units[:5]}")
+        assert done.exit_code == 0, done.output
+        runs = rows(folder / "sub" / units[:5] / "runs.csv")
+        assert [float(row["pga_m_s2"]) * float(one["factor"]) for row, one in zip(runs, expected, strict=True)] == (
+            pytest.approx([0.6 * 9.80665] * 4)
+        )
 
 
 def test_a_pair_has_one_factor(folder, tdint):

@@ -259,6 +259,15 @@ class Name(ValueType):
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
+class SampleUnitsType(Name):
+    """Units of the samples of all records, or by file: `AT2=g,*.mseed=m/s^2`, or a table of them, which is read."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.ground_motion.reading.sample_units import units_of_text
+
+        return units_of_text(value) if isinstance(value, str) else value
+
+
 class FileName(ValueType):
     """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
 

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Name, Nonzero, Number
+from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
     from tdint.ground_motion.processing import Processing, RecordChoice
+    from tdint.ground_motion.reading.sample_units import SampleUnits
     from tdint.ground_motion.record import Record
     from tdint.ground_motion.text_layout import TextLayout
 
@@ -27,7 +28,7 @@ option = partial(grammar.option, heading=grammar.RECORD)
 class RecordRequest:
     """How the records of a command line are read, and what is done to them."""
 
-    units: str | None
+    units: SampleUnits | None
     component: str | None
     inventory: str | None
     layout: TextLayout
@@ -77,11 +78,12 @@ record = option(
 )
 units = option(
     "--units",
-    type=Name(_units),
-    metavar="UNITS",
+    type=SampleUnitsType(_units),
+    metavar="UNITS|NAME=UNITS,...",
     common=True,
     help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor the value of "
-    "one count ('2.38e-6 m/s^2'); of a velocity or a displacement (cm/s, cm), which is then differentiated.",
+    "one count ('2.38e-6 m/s^2'); of a velocity or a displacement (cm/s, cm), which is then differentiated. By file: "
+    "AT2=g,*.mseed=m/s^2 (a format or the end of a path), or a table (.csv) of record and units.",
 )
 component = option(
     "--component",
@@ -93,7 +95,8 @@ inventory = option(
     "--inventory",
     type=FileName(),
     metavar="FILE",
-    help="StationXML file by which the instrument's response is removed; not with --units.",
+    help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
+    "the samples are.",
 )
 scale = option(
     "--scale",

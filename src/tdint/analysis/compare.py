@@ -23,7 +23,7 @@ from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
-from tdint.ground_motion.signal import Signal, at_times, in_band, without_offset
+from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
@@ -74,7 +74,8 @@ class Event:
     recording : Recording
         The file that says what was recorded.
     base : Record
-        The ground motion that drives the model: the mean of the base's sensors, without its offset, unfiltered.
+        The ground motion that drives the model: the mean of the base's sensors, without an offset that its samples
+        tell, unfiltered.
     floors : tuple of RecordedFloor
         From the ground up.
     notes, warnings : tuple of str
@@ -200,7 +201,10 @@ def _base_record(recording: Recording, signals: Sequence[Signal], notes: dict[st
     mean, lead = _common([_acceleration(signal, notes) for signal in signals], f"{recording.source}: the base", notes)
     if len(signals) > 1:
         notes[f"the model is driven by the mean of {len(signals)} sensors of the base"] = None
-    motion = without_offset(mean.samples, mean.quantity)
+    motion = mean.samples
+    if has_offset(motion):
+        motion = without_offset(motion, mean.quantity)
+        notes[f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"] = None
     return Record(motion, mean.dt, start="", id="", component="base", source=recording.source), lead
 
 

@@ -135,7 +135,10 @@ def fit(
         problem.settle_shift(first)
         # Within d standard errors of its minimum a sum of n squares is d^2 / n of itself above it.
         close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
-        solution = least_squares(problem.temporal, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-12, ftol=close)
+        # The gradient ends nothing: beside a recording without noise it is small long before the minimum.
+        solution = least_squares(
+            problem.temporal, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-12, ftol=close, gtol=None
+        )
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None

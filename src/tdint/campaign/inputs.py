@@ -50,7 +50,7 @@ from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRow, read_inventory
 from tdint.model.keys.fields import resolve
 
-_SHOCK_COLUMNS = ("sequence", "record", "component", "factor")
+_SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _FACTOR_COLUMNS = ("record", "component", "factor")
 
 
@@ -335,7 +335,8 @@ def read_motions(records: RecordFiles) -> FoundMotions:
 
 def read_sequences(sequences: SequenceFile) -> FoundMotions:
     """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the file) and, if they
-    are wanted, component and factor; shocks of one sequence stand below each other.
+    are wanted, component, factor and units (of the samples, empty where the file says them); shocks of one sequence
+    stand below each other.
 
     Raises
     ------
@@ -344,18 +345,18 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     RecordError
         No sequence can be used: why, one line each.
     """
-    needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last two may be left out"
+    needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three may be left out"
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     components = table.texts("component") if table.has("component") else [""] * len(table.rows)
     factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
-    rows = zip(
-        table.texts("sequence", empty=False), table.texts("record", empty=False), components, factors, strict=True
-    )
+    units = table.texts("units") if table.has("units") else [""] * len(table.rows)
+    names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     shocks: dict[str, list[_Shock]] = {}
-    for name, record, component, (line, text) in rows:
+    for name, record, component, (line, text), unit in zip(names, records, components, factors, units, strict=True):
         file = resolve(record, Path(sequences.file).parent)
-        shocks.setdefault(name, []).append(_Shock(file, component, _factor(sequences.file, line, text or "1")))
+        factor = _factor(sequences.file, line, text or "1")
+        shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
     motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
     for name, of_one in shocks.items():
         try:
@@ -373,6 +374,7 @@ class _Shock(NamedTuple):
     file: str
     component: str
     factor: float
+    units: str
 
 
 def _sequence(
@@ -381,7 +383,8 @@ def _sequence(
     """A motion for each component that all shocks of a sequence have."""
     of_shocks: list[list[Record]] = []
     for shock in shocks:
-        choice = replace(sequences.choice, component=shock.component or sequences.choice.component)
+        wanted = sequences.choice
+        choice = replace(wanted, component=shock.component or wanted.component, units=_units(shock) or wanted.units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
@@ -395,6 +398,11 @@ def _sequence(
     for records in zip(*of_shocks, strict=True):
         whole = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
+
+
+def _units(shock: _Shock) -> dict[str, str]:
+    """What a row says of the units of its file; an inventory is for the other rows."""
+    return {"*": shock.units} if shock.units else {}
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:

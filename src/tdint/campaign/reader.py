@@ -97,7 +97,12 @@ _SEQUENCES = (
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
     tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
 )
-_SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
+_SAMPLE_UNITS = Key(
+    "units",
+    Words(),
+    "units of the samples, where the files do not say them: m/s^2, g, ...; by file 'AT2=g,*.mseed=m/s^2', or a table "
+    "of them, relative to this file",
+)
 MOTIONS = Keys(
     (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS),
     one_of=(("files", "sequences", "fields", "grid"),),
@@ -144,8 +149,8 @@ def _pair_names(value: Value) -> PairNames | None:
 
 def _choice(section: Section) -> RecordChoice:
     """What is taken of each file, and what is done to it."""
-    choice, given = read_choice(section, stdin=False), section.get("units")
-    if given and choice.inventory:
+    choice, given = read_choice(section, stdin=False, many=True), section.get("units")
+    if given and choice.inventory and isinstance(choice.units, str):
         given.fault("an inventory gives the units; leave one of the two out")
     return choice
 

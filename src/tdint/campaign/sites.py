@@ -32,6 +32,7 @@ from tdint.files import MOST_BYTES, read_at_most
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.reading.read import check_possible
+from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.keys.fields import resolve
@@ -353,11 +354,11 @@ class _FieldRecords:
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
     """The components of a motion as SimCenter has them."""
-    if field.choice.units is None:
+    unit = file_units(field.choice.units).of(file, "JSON")
+    if unit is None:
         raise RecordError(f"{file}: does not say its units; give `units` of the records")
-    unit = parse_units(field.choice.units)
     if unit.quantity != "acceleration":
-        raise RecordError(f"{file}: is an acceleration, its units are given as {field.choice.units}")
+        raise RecordError(f"{file}: is an acceleration, its units are given as {unit.text}")
     motions = _components_of(Path(), file, unit.scale)
     component = named or field.choice.component
     kept = [one for one in motions if component in (None, "", one.component)]

@@ -7,7 +7,7 @@ is used, the filters see the record between zeros, and the zeros of a pad take u
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -70,7 +70,7 @@ class Processing:
 class RecordChoice:
     """What is taken of a file, as for `tdint.read_record`, and what is done to it."""
 
-    units: str | None = None
+    units: str | Mapping[str, str] | None = None
     component: str | None = None
     inventory: str | None = None
     processing: Processing = field(default_factory=Processing)

@@ -15,6 +15,9 @@ from tdint.ground_motion.record import Input
 _QUIET = 1e-6
 """Part of the squared velocities of a displacement that comes before the shaking."""
 
+_TOLD = 3.0
+"""Standard errors from which an offset is told: chance is beyond them once in 370 times."""
+
 _SAME = 1e-9
 """Relative difference up to which two sampling intervals are one."""
 
@@ -74,6 +77,18 @@ def without_offset(samples: Array, quantity: str) -> Array:
     moved = np.cumsum(np.diff(samples) ** 2)
     before = int(np.searchsorted(moved, _QUIET * moved[-1])) + 1 if moved.size else samples.size
     return np.asarray(samples - np.median(samples[:before]))
+
+
+def has_offset(acceleration: Array) -> bool:
+    """Whether samples tell an offset: they lie on one side of zero more often than chance lets them.
+
+    By the sign test: the mean of the signs is beyond three times its standard error, 1 / sqrt(stays), where a stay on
+    one side of the median is one draw. The median of a motion without an offset is not zero; who takes it off adds a
+    step to the ground, which the building answers.
+    """
+    centered = acceleration - np.median(acceleration)
+    stays = 1 + np.count_nonzero(np.diff(np.sign(centered)))
+    return bool(abs(np.mean(np.sign(acceleration))) > _TOLD / math.sqrt(stays))
 
 
 def in_band(

@@ -16,7 +16,7 @@ from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
-from tdint.ground_motion.signal import Signal
+from tdint.ground_motion.signal import Signal, has_offset
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, RayleighCoefficients
 from tdint.model.recorded import load_recording
@@ -247,6 +247,29 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
     assert not found.notes
     assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
+
+
+@pytest.mark.parametrize("median", [0.004, -0.006])
+def test_a_motion_of_its_own_is_fitted_to_rounding(made, median):
+    """A base whose median is not 0 by chance is not moved; what is left is the rounding of the table, 12 digits."""
+    base = made.base + median
+    history = run_case(prepare(made.model, Record(base, DT, "", "", "", "noise"), method="exact"), history=True).history
+    made.write(base_m_s2=base, **{f"floor_{i + 1}_m_s2": history.acceleration[:, i] for i in range(3)})
+    event = made.event(FLOORS)
+    assert np.median(event.base.acceleration) == pytest.approx(median)
+    stories = tuple(replace(story, stiffness=1.2 * story.stiffness) for story in made.model.stories)
+    found = fit(replace(made.model, stories=stories), event, ["stiffness"])
+    assert [one.value for one in found.values] == pytest.approx([900.0, 700.0, 500.0], rel=1e-9)
+
+
+def test_an_offset_that_the_samples_tell_is_removed(made):
+    base = made.base + 0.3
+    made.usual(base_m_s2=base)
+    event = made.event()
+    assert np.median(event.base.acceleration) == pytest.approx(0.0, abs=1e-9)
+    assert any("the offset of the base, 0.3 m/s^2 (its median), is removed" in note for note in event.notes)
+    assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
+    assert not has_offset(np.zeros(50))
 
 
 def test_what_a_recording_does_not_tell_is_said(made):

@@ -18,11 +18,12 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
-from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
+from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
+from tdint.ground_motion.reading.scale import Motion, are_counts, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.record import Input, Record, masked_samples, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-from tdint.units import Units, parse_units
+from tdint.units import parse_units
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ _LOGGER = getLogger("tdint.assumptions")
 def read_record(
     source: str | Path,
     *,
-    units: str | None = None,
+    units: SampleUnits | None = None,
     component: str | None = None,
     inventory: str | Path | None = None,
     layout: TextLayout = AS_STATED,
@@ -171,16 +172,19 @@ def read_record(
     ----------
     source : str or Path
         A file, or `-` for standard input. The format is found from the contents.
-    units : str, optional
+    units : str or dict, optional
         Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor before them the value of
         one count (`2.38e-6 m/s^2`). Needed where neither the format nor the file gives them. Only floating-point
         MiniSEED of an accelerometer's channel is else taken as m/s^2, with a warning, unless its numbers speak against
         it. Units of a velocity or displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated.
+        By file: `{"AT2": "g", "*.mseed": "m/s^2"}`, a format or the end of a path each (or the text
+        `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units; what fits no entry has none.
     component : str, optional
         Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or the code's last letter
         (`E`) if only one channel ends in it; upper and lower case are the same.
     inventory : str or Path, optional
-        StationXML file by which the instrument's response is removed; not together with `units`.
+        StationXML file by which the instrument's response is removed from samples whose units are neither stated by
+        the file nor given; not together with units of all files.
     layout : TextLayout, optional
         Step, columns and lines to skip of text tables that do not tell them.
 
@@ -204,7 +208,7 @@ def read_record(
 def read_records(
     source: str | Path,
     *,
-    units: str | None = None,
+    units: SampleUnits | None = None,
     component: str | None = None,
     inventory: str | Path | None = None,
     layout: TextLayout = AS_STATED,
@@ -253,6 +257,7 @@ def make_record(
         As for `read_record`.
     """
     parsed = None if units is None else parse_units(units)
+    said = FileUnits() if parsed is None else FileUnits((("./*", parsed),), for_all=True)
     traces = [data] if hasattr(data, "stats") else list(getattr(data, "traces", ()))
     if traces:
         if dt is not None:
@@ -277,7 +282,7 @@ def make_record(
         components = [_choose(components, component, label)]
     elif len(components) > 1:
         raise RecordError(f"{label}: there are several components, choose one: {_listed(components)}")
-    return _to_record(components[0], join(components[0].channel, components[0].label), parsed, None)
+    return _to_record(components[0], join(components[0].channel, components[0].label), said, None)
 
 
 def _trace(record: Record, component: str) -> Any:
@@ -290,7 +295,7 @@ def _trace(record: Record, component: str) -> Any:
 
 def read_horizontals(
     *sources: str | Path,
-    units: str | None = None,
+    units: SampleUnits | None = None,
     inventory: str | Path | None = None,
     layout: TextLayout = AS_STATED,
 ) -> Horizontals:
@@ -320,20 +325,22 @@ def read_horizontals(
 
 def _read(
     source: str | Path,
-    units: str | None,
+    units: SampleUnits | None,
     component: str | None,
     inventory: str | Path | None,
     layout: TextLayout,
     *,
     single: bool,
 ) -> tuple[Record, ...]:
-    if units is not None and inventory is not None:
+    said = file_units(units)
+    if said.for_all and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
-    parsed = None if units is None else parse_units(units)
     components, input_file = _components(source, component, layout, single=single)
     instruments = None if inventory is None else _instruments(inventory)
-    inputs = (input_file, *([instruments.input] if instruments else []))
-    return tuple(replace(_to_record(one, trace, parsed, instruments), inputs=inputs) for one, trace in components)
+    records = [_to_record(part, trace, said, instruments) for part, trace in components]
+    stations = (instruments.input,) if instruments else ()
+    inputs = [(input_file, *(stations if one.units_from == "inventory" else ())) for one in records]
+    return tuple(replace(one, inputs=files) for one, files in zip(records, inputs, strict=True))
 
 
 def _instruments(inventory: str | Path) -> Instruments:
@@ -430,13 +437,17 @@ def _listed(components: Sequence[_Component]) -> str:
     return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
 
 
-def _to_record(part: _Component, trace: Any, units: Units | None, instruments: Instruments | None) -> Record:
+def _to_record(part: _Component, trace: Any, said: FileUnits, instruments: Instruments | None) -> Record:
     channel, contents, label = part.channel, part.contents, part.label
-    if instruments is None:
+    units = said.of(part.source, contents.format)
+    counted = units is None or (are_counts(trace) and not units.has_factor)  # no unit is that of counts
+    if instruments is None or not counted or declared_units(trace, contents.format, label, units):
         motion = to_acceleration(trace, contents.format, units, label)
+        if instruments is not None:
+            unused = f"its units are known ({motion.units}), the inventory is not used"
+            motion = replace(motion, notes=(*motion.notes, unused))
+            instruments = None
     else:
-        if declared_units(trace, contents.format, label):
-            raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
         from tdint.ground_motion.reading.instrument import remove_response
 
         acceleration, notes = remove_response(trace, instruments, label)

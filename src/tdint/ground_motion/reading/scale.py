@@ -110,8 +110,7 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
         )
     if declared:
         return _by_the_file(trace, declared, asked, label)
-    counts = trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
-    if counts and not (asked and asked.has_factor):
+    if are_counts(trace) and not (asked and asked.has_factor):
         raise RecordError(f"{label}: {_why_refused(trace, asked)}")
     calibration = float(trace.stats.calib)
     notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
@@ -120,6 +119,11 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
     units, warning = assumed_units(trace, format_name, label)
     samples = _times(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
+
+
+def are_counts(trace: Any) -> bool:
+    """Whether samples are counts of a recorder, as whole numbers are, and what a header calls so."""
+    return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
 def declared_units(trace: Any, format_name: str, label: str, asked: Units | None = None) -> Declared | None:

@@ -27,6 +27,7 @@ from tdint.model.config.sections import (
     ModelUnits,
     read_damage,
     read_damping,
+    read_file_units,
     read_sample_units,
     read_units,
 )
@@ -112,10 +113,11 @@ def read_layout(section: Section) -> TextLayout:
     return TextLayout(step, (column,) if column else (), lines)
 
 
-def read_choice(section: Section, *, stdin: bool) -> RecordChoice:
-    """What the entries of a section say of a file of records; its station metadata may come from standard input."""
+def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
+    """What the entries of a section say of a file of records, or of `many`; station metadata may come from standard
+    input."""
     return RecordChoice(
-        units=read_sample_units(section.get("units")),
+        units=(read_file_units if many else read_sample_units)(section.get("units")),
         component=section.text("component"),
         inventory=section.file("inventory", stdin=stdin),
         processing=read_processing(section),

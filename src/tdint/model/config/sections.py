@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from tdint import units
 from tdint.errors import UsageError
+from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
 from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 from tdint.model.keys.fields import (
@@ -112,6 +114,19 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
         fitting = ", ".join(units.GROUND_MOTION[quantity])
         value.fault(f"say {parsed.quantity}, the quantity says {quantity}; give one of {fitting}")
     return value.word
+
+
+def read_file_units(value: Value | None) -> SampleUnits | None:
+    """Units of several records: of all, by file, or a table of them; the fault of any has its line here."""
+    if value is None:
+        return None
+
+    def checked(text: str) -> SampleUnits:
+        said = units_of_text(text, Path(value.faults.folder))
+        file_units(said)
+        return said
+
+    return value.parsed(checked)
 
 
 # ---- The `damping` of a model file: its declaration is its reader

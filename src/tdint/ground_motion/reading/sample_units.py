@@ -1,0 +1,152 @@
+"""Units of the samples of several files in one call: by the format or the name of each, or by a table of files.
+
+`AT2=g,*.mseed=m/s^2` says the units of files by their format (its name, as messages have it) or by the end of their
+path; the first entry that fits a file counts. `suite.csv` is a table with the columns `record` and `units`. A file
+that no entry fits says its units itself. Upper and lower case are the same.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from tdint.csv_table import read_table
+from tdint.errors import UsageError, did_you_mean
+from tdint.ground_motion.reading.contents import plugins
+from tdint.units import Units, parse_units
+
+SampleUnits = str | Mapping[str, str]
+"""Units of all files, or of those of a format or a name."""
+
+_COUNTS = ("counts", "count")
+"""What is said of samples whose instrument's response is to be removed."""
+
+_OF_A_PATH = "./*?["
+"""Signs that no name of a format has."""
+
+_END = "./"
+"""What the end of a path begins with among the entries."""
+
+
+@dataclass(frozen=True)
+class FileUnits:
+    """What is said of the samples of each file.
+
+    Attributes
+    ----------
+    entries : tuple of (str, Units or None)
+        A format's name or the end of a path, in lower case, and the units of the files that it fits; None for counts.
+    for_all : bool
+        Whether they are said of all files, whatever these are.
+    """
+
+    entries: tuple[tuple[str, Units | None], ...] = ()
+    for_all: bool = False
+
+    def of(self, source: str, format_name: str) -> Units | None:
+        """Units of a file by its name and its format; None where nothing is said of it."""
+        path = PurePosixPath(Path(source).absolute().as_posix().lower())
+        for pattern, units in self.entries:
+            fits = path.match(pattern) if _is_path(pattern) else pattern == format_name.lower()
+            if fits:
+                return units
+        return None
+
+
+def file_units(given: SampleUnits | None) -> FileUnits:
+    """Understand what `units` says of files.
+
+    Raises
+    ------
+    UsageError
+        Units or a format that are unknown; an entry that is no pattern and its units.
+    ModelError
+        A table that cannot be read.
+    """
+    if given is None:
+        return FileUnits()
+    stated = units_of_text(given) if isinstance(given, str) else given
+    if isinstance(stated, Mapping):
+        return FileUnits(tuple((_pattern(name), _units(name, text)) for name, text in stated.items()))
+    return FileUnits((("*", parse_units(stated)),), for_all=True)
+
+
+def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
+    """What a text says: units of all files as they are, entries `PATTERN=UNITS,...` or a table as a dict.
+
+    Parameters
+    ----------
+    text : str
+        Units, entries, or the name of a table (`.csv`).
+    folder : Path, optional
+        Where the name of a table starts from.
+
+    Raises
+    ------
+    UsageError, ModelError
+        As of `file_units`.
+    """
+    if "=" in text:
+        return dict(_entries(text))
+    if text.strip().lower().endswith(".csv"):
+        return _of_table(str((folder or Path()) / text.strip()))
+    return text
+
+
+def _entries(text: str) -> Iterator[tuple[str, str]]:
+    for entry in text.split(","):
+        pattern, equals, units = (part.strip() for part in entry.partition("="))
+        if not (pattern and equals and units):
+            raise UsageError(f"units {entry[:40]!r}: write FORMAT=UNITS or *.SUFFIX=UNITS, such as AT2=g,*.mseed=m/s^2")
+        yield pattern, units
+
+
+def _of_table(file: str) -> dict[str, str]:
+    """Units by the files of a table; those without units say theirs themselves."""
+    table = read_table(
+        file, "a table of units is a CSV file with the columns record, units", columns=("record", "units")
+    )
+    table.need("record", "units")
+    units: dict[str, str] = {}
+    for record, (line, text) in zip(table.texts("record", empty=False), table.lines("units"), strict=True):
+        # A name in the table stands for the end of a path, whatever signs it has in it.
+        name = f"./{glob.escape(record)}"
+        if text.strip() and units.setdefault(name, text.strip()) != text.strip():
+            raise UsageError(f"{file}:{line}: {record} has two units, {units[name]} and {text.strip()}")
+    return units
+
+
+def _is_path(pattern: str) -> bool:
+    return any(sign in pattern for sign in _OF_A_PATH)
+
+
+def _pattern(name: str) -> str:
+    """An entry's format or end of a path in lower case.
+
+    Raises
+    ------
+    UsageError
+        It is neither.
+    """
+    if not _is_path(name):
+        formats = [plugin.name for plugin in plugins()]
+        if name.upper() not in formats:
+            hint = did_you_mean(name.upper(), formats) or f"; known: {', '.join(formats)}"
+            raise UsageError(f"units of {name[:40]!r}: no format of records; a file is named as *.txt{hint}")
+        return name.lower()
+    # Folders above are not known by name: what is left of the path is its end.
+    path = PurePosixPath(*(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != ".."))
+    return str(path) if path.is_absolute() else f"{_END}{path}"
+
+
+def _units(name: str, text: str) -> Units | None:
+    if not isinstance(text, str):
+        raise UsageError(f"units of {name[:40]!r} are a text such as 'm/s^2', got {text!r:.40}")
+    if text.strip().lower() in _COUNTS:
+        return None
+    try:
+        return parse_units(text)
+    except UsageError as error:
+        raise UsageError(f"of {name[:40]!r}, {error}") from None

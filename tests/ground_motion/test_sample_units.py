@@ -1,0 +1,104 @@
+"""Units of several files in one call: by format, by the end of the path, by a table; with an inventory beside them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ground_motion.files import counts, trace, wave, write
+from ground_motion.test_response import station_xml
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.reading.read import read_record
+from tdint.units import STANDARD_GRAVITY
+
+UNITS = {"SAC": "g", "*.mseed": "m/s^2"}
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> dict[str, Path]:
+    """The same motion in four files, of which one says its units."""
+    (tmp_path / "in").mkdir()
+    folder = tmp_path / "in"
+    return {
+        "sac": write(folder / "a.sac", trace(wave().astype(np.float32)), format="SAC"),
+        "mseed": write(folder / "B.MSEED", trace(wave(), channel="X")),
+        "counts": write(folder / "c.mseed", trace(counts())),
+        "stated": write(folder / "d.txt", trace(wave(), ascii={"unit": "CM/S**2"}), format="SLIST"),
+    }
+
+
+@pytest.mark.parametrize(
+    "units", [UNITS, "SAC=g,*.mseed=m/s^2", "*.mseed=m/s^2, sac = g", "in/*.sac=g,in/b.mseed=m/s^2"]
+)
+def test_formats_and_ends_of_paths(suite, units) -> None:
+    of_each = {name: read_record(suite[name], units=units) for name in ("sac", "mseed", "stated")}
+    assert {name: record.units_from for name, record in of_each.items()} == {
+        "sac": "given",
+        "mseed": "given",
+        "stated": "file",
+    }
+    assert of_each["sac"].pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+    assert of_each["mseed"].pga == 3.0
+    assert of_each["stated"].pga == pytest.approx(0.03)
+
+
+def test_the_first_entry_that_fits_counts(suite) -> None:
+    assert read_record(suite["sac"], units={"*.sac": "gal", "SAC": "g"}).pga == pytest.approx(0.03)
+    with pytest.raises(RecordError, match="does not tell the units of its samples"):
+        read_record(suite["sac"], units={"in/*.txt": "g", "out/*.sac": "g"})
+
+
+def test_an_inventory_is_for_counts_whose_units_nobody_says(suite, tmp_path) -> None:
+    station = station_xml(tmp_path / "a.xml", "HNE")
+    by_response = read_record(suite["counts"], inventory=station)
+    for units in (UNITS, {"c.mseed": "counts", "*.mseed": "g"}):  # m/s^2 is no unit of counts, and says so alone
+        record = read_record(suite["counts"], units=units, inventory=station)
+        assert record.units_from == "inventory"
+        np.testing.assert_array_equal(record.acceleration, by_response.acceleration)
+    by_value = read_record(suite["counts"], units={"*.mseed": "1e-5 m/s^2"}, inventory=station)
+    assert (by_value.units_from, len(by_value.inputs)) == ("given", 1)
+    assert read_record(suite["sac"], units=UNITS, inventory=station).units_from == "given"
+    with pytest.raises(RecordError, match="the samples are counts"):
+        read_record(suite["counts"], units=UNITS)
+
+
+def test_a_table(suite, tmp_path) -> None:
+    table = tmp_path / "units.csv"
+    table.write_text("record,units,what\nin/a.sac,g,\n../in/b.mseed,cm/s^2,\nd.txt,,says its own\n")
+    assert read_record(suite["sac"], units=str(table)).pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+    assert read_record(suite["mseed"], units=str(table)).pga == pytest.approx(0.03)
+    assert read_record(suite["stated"], units=str(table)).units_from == "file"
+    table.write_text("record,units\na.sac,g\na.sac,gal\n")
+    with pytest.raises(UsageError, match=r"units\.csv:3: a\.sac has two units, g and gal"):
+        read_record(suite["sac"], units=str(table))
+    table.write_text("record,unit\na.sac,g\n")
+    with pytest.raises(ModelError, match=r"units\.csv:1: no column units"):
+        read_record(suite["sac"], units=str(table))
+
+
+def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
+    path = write(tmp_path / "a[1].sac", trace(wave().astype(np.float32)), format="SAC")
+    (tmp_path / "units.csv").write_text("record,units\na[1].sac,g\n")
+    assert read_record(path, units=str(tmp_path / "units.csv")).pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ("SAK=g", r"of 'SAK': no format of records; a file is named as \*\.txt; did you mean 'SAC'"),
+        ("*.sac=gg", r"of '\*\.sac', units 'gg'"),
+        ("SAC=g,gal", "'gal': write FORMAT=UNITS"),
+        ("=g", "'=g': write FORMAT=UNITS"),
+        ({"SAC": 9.81}, "units of 'SAC' are a text"),
+    ],
+)
+def test_what_is_refused(suite, units, message) -> None:
+    with pytest.raises(UsageError, match=message):
+        read_record(suite["sac"], units=units)
+
+
+def test_a_contradiction_is_one_by_file_too(suite) -> None:
+    with pytest.raises(RecordError, match="the file itself gives its units"):
+        read_record(suite["stated"], units={"*.txt": "g"})
