@@ -114,7 +114,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
 
 def order_picture(measured: Sequence[ObservedOrder]) -> Figure:
     """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency."""
-    several = len({one.frequency_ratio for one in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
+    several = len({order.frequency_ratio for order in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
     return _draw_orders(measured) if several else _draw_order_chart(measured)
 
 
@@ -176,8 +176,8 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
 
 def _stability_title(curves: Sequence[StabilityCurve]) -> str:
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
-    return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
+    subject = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    return f"{short_labels([curves[0].method])[curves[0].method]}\n{subject}" if len(curves) == 1 else subject
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -230,14 +230,14 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed order, and the error at the finest step, over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    methods = list(dict.fromkeys(one.method for one in measured))
+    methods = list(dict.fromkeys(order.method for order in measured))
     short = short_labels(methods)
     lines = []
     for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
-        own = [one for one in measured if one.method == method]
-        ratios = np.array([one.frequency_ratio for one in own])
-        lines += _plot(upper, ratios, np.array([one.order("displacement") for one in own]), style)
-        _plot(lower, ratios, np.array([one.displacement[-1] for one in own]), style)
+        orders = [order for order in measured if order.method == method]
+        ratios = np.array([order.frequency_ratio for order in orders])
+        lines += _plot(upper, ratios, np.array([order.order("displacement") for order in orders]), style)
+        _plot(lower, ratios, np.array([order.displacement[-1] for order in orders]), style)
     upper.set_ylabel("observed order of displacement")
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     bottom, top = upper.get_ylim()
@@ -256,7 +256,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = short_labels([one.method for one in measured])
+    short = short_labels([order.method for order in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -265,14 +265,14 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         ("own_acceleration", "^", 6.0, "none"),
     )
     for quantity, marker, size, fill in marks:
-        orders = [one.order(quantity) for one in measured]
+        orders = [order.order(quantity) for order in measured]
         label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
         mark: dict[str, Any] = {"markersize": size, "markerfacecolor": fill, "markeredgecolor": COLORS[0]}
         axes.plot(orders, rows, marker, **mark, label=label)
-    for one, row in zip(measured, rows, strict=True):
-        if math.isnan(one.order("displacement")):
+    for order, row in zip(measured, rows, strict=True):
+        if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
-    axes.set_yticks(rows, [short[one.method] for one in measured], parse_math=False)
+    axes.set_yticks(rows, [short[order.method] for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
@@ -292,9 +292,9 @@ def _order_title(measured: Sequence[ObservedOrder]) -> str:
         "record": "a record that is linear between its samples",
     }
     text = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
-    if len({one.frequency_ratio for one in measured}) == 1 and not math.isnan(first.frequency_ratio):
+    if len({order.frequency_ratio for order in measured}) == 1 and not math.isnan(first.frequency_ratio):
         text += f", frequency ratio {first.frequency_ratio:g}"
-    if len({one.method for one in measured}) == 1:
+    if len({order.method for order in measured}) == 1:
         return f"{short_labels([first.method])[first.method]}\n{text}"
     return text
 
@@ -320,8 +320,8 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time
     true = runs[0].exact(reference).displacement[:, shown.floor - 1]
-    found = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    values = [np.abs(one - true) for one in found] if shown.is_error else found
+    displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
+    values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
     near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = list(short_labels([run.method for run in runs]).values())
@@ -329,9 +329,9 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     for axes, part in ((wide, slice(None)), (close, near)):
         if not shown.is_error:
             (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        lines |= _draw_motions(axes, time[part], [one[part] for one in values], labels, marked=axes is close)
-    what = "|u - u_exact|" if shown.is_error else "displacement u"
-    wide.set_ylabel(f"{what} (m)", parse_math=False)
+        lines |= _draw_motions(axes, time[part], [motion[part] for motion in values], labels, marked=axes is close)
+    quantity = "|u - u_exact|" if shown.is_error else "displacement u"
+    wide.set_ylabel(f"{quantity} (m)", parse_math=False)
     wide.set_xlim(time[0], time[-1])
     wide.axvline(time[peak], color="0.3", linewidth=0.8)
     close.set_title(f"close-up at {time[peak]:.4g} s")
@@ -342,16 +342,16 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
     beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    add_title(figure, f"Figure {shown.number}: {about}\n{what}{floor}, dt {runs[0].dt:g} s{beside}")
+    add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
     return figure
 
 
 def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
     """A line for each method; with markers at every step, or at some. Lines by label."""
     lines = {}
-    for one, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
+    for motion, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
         marks = {"markevery": 1} if marked else {}
-        (line,) = axes.plot(time, one, **{**style, **marks}, linewidth=0.8)
+        (line,) = axes.plot(time, motion, **{**style, **marks}, linewidth=0.8)
         lines[label] = line
     axes.set_xlabel("time (s)")
     return lines
@@ -507,11 +507,11 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     for i, line in enumerate(lines):
         drawings = [_Drawing(chart, target) for chart in charts]
         points = [(drawing, _closest(drawing, line)) for drawing in drawings]
-        found = [(drawing, point) for drawing, point in points if point is not None]
-        stories = [drawing.chart.stories for drawing, _ in found]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        points_there = [(drawing, point) for drawing, point in points if point is not None]
+        stories = [drawing.chart.stories for drawing, _ in points_there]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in points_there]
         handles += cost.plot(stories, step_cost, **_style(i, line))
-        error = [drawing.error(point) for drawing, point in found]
+        error = [drawing.error(point) for drawing, point in points_there]
         accuracy.plot(stories, error, **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
@@ -596,9 +596,9 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     handles = []
     for i, (line, points) in enumerate(drawing.lines.items()):
         style = _style(i, line)
-        known, below = drawing.known(points), drawing.below(points)
-        axes.plot(*_columns(drawing, [*known, *below]), **style | {"marker": "none"})
-        axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
+        compared, below = drawing.known(points), drawing.below(points)
+        axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
+        axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
         axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
         handles += axes.plot([], [], **style)
     rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
@@ -616,8 +616,8 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     shown = drawing.shown()
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
-    wanted = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
-    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in wanted]
+    labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
+    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
     write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
     return figure
 
@@ -650,9 +650,9 @@ def _footnote(drawing: _Drawing) -> str:
     )
 
 
-def _title(drawing: _Drawing, name: str, what: str) -> str:
+def _title(drawing: _Drawing, name: str, subject: str) -> str:
     stories = drawing.chart.stories
-    return f"{name}\n{how_many(stories, 'story')}: {what}"
+    return f"{name}\n{how_many(stories, 'story')}: {subject}"
 
 
 def _draw_steps(drawing: _Drawing, name: str) -> Figure:
@@ -660,10 +660,10 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes = figure.subplots()
     handles, labels = [], []
     for i, (line, points) in enumerate(drawing.lines.items()):
-        known = [point for point in drawing.known(points) if not math.isnan(point.dt)]
-        if known:
+        compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
+        if compared:
             handles += axes.plot(
-                [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
+                [point.dt for point in compared], [drawing.error(point) for point in compared], **_style(i, line)
             )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
