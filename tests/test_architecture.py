@@ -71,7 +71,7 @@ def modules():
 
 def test_modules_are_few_and_their_folders_flat():
     found = [module for module in modules() if module.name != "__init__.py"]
-    assert len(modules()) <= 272
+    assert len(modules()) <= 275
     crowded = [folder.name for folder, count in Counter(module.parent for module in found).items() if count > 14]
     assert sorted(crowded) == ["campaign", "commands"]  # a command a file; a campaign has 17
     assert [module for module in found if len(module.parts) > 5] == []  # the package and three folders
@@ -150,7 +150,7 @@ BUDGET = {
     "analysis": (39, 7500),
     "methods": (13, 1750),
     "model": (21, 3600),
-    "ground_motion": (35, 4250),
+    "ground_motion": (36, 4400),
     "kernels": (62, 8050),
     "ground": (11, 1550),
 }

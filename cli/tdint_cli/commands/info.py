@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdint.errors import TdintError
+from tdint.errors import TdintError, UsageError
+from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
+from tdint.units import SI
 from tdint_cli import options
 from tdint_cli.batch.processes import Task, outcomes
-from tdint_cli.options.output import Outputs
+from tdint_cli.options.grammar import FileName
+from tdint_cli.options.output import Outputs, beside
 from tdint_cli.options.record import RecordsRequest, notes_of_components
 from tdint_cli.terminal import Failures, note, warn
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
     from tdint.output.tables.spectra import RecordInfo
     from tdint.output.tables.table import Table
 
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
 class Request(RecordsRequest):
     """The command line of `tdint info`."""
 
+    export: str | None
     jobs: int = options.output.jobs
     outputs: Outputs
 
@@ -50,6 +56,8 @@ class Product:
         What was done to the record on request.
     warnings : tuple of str
         What changes what its numbers mean.
+    exported : tuple of Record
+        The components, kept only where they are exported.
     """
 
     table: Table
@@ -57,18 +65,33 @@ class Product:
     infos: tuple[RecordInfo, ...]
     changes: tuple[str, ...]
     warnings: tuple[str, ...]
+    exported: tuple[Record, ...] = ()
+
+
+_MSEED, _CSV = ".mseed", ".csv"
+_EXPORT = options.output.option(
+    "--export",
+    type=FileName(written=True),
+    metavar="FILE.mseed|FILE.csv",
+    callback=options.output.refuse_empty,
+    common=True,
+    help="Also write acceleration, velocity and displacement as they are after all that is done: all components as "
+    "MiniSEED in SI units, or one as CSV; what they are and what was done stands in a JSON file beside.",
+)
 
 
 @options.command(
     "info",
     "tdint info office-motion.txt",
     "tdint info office-motion.txt -o info.csv --plot",
+    "tdint info office-motion.txt --highpass 0.1 --export filtered.csv",
     exits={4: "a record cannot be read; the others are done"},
 )
 @options.record.of_records
 @options.output.to_files(
     "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
     picture=options.output.PICTURE,
+    more=[_EXPORT],
 )
 @options.of(Request)
 def command(request: Request) -> None:
@@ -85,6 +108,7 @@ def command(request: Request) -> None:
 
     sources = records_of(request.records, request.layout)
     outputs = request.outputs
+    check_outputs([*outputs.files, *_exported_files(request)], overwrite=outputs.overwrite)
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     warnings: dict[str, None] = {}
     failures: list[TdintError] = list(sources.failures)
@@ -100,6 +124,7 @@ def command(request: Request) -> None:
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
     if products:
+        notes |= dict.fromkeys(_export(request, products))
         _deliver(request, products)
     warn(*warnings)
     if outputs.picture and (left_out := _undrawn(products)):
@@ -129,6 +154,67 @@ def _deliver(request: Request, products: Sequence[Product]) -> None:
     )
 
 
+def _exported_files(request: Request) -> list[Path]:
+    """The file of --export, and the one beside it.
+
+    Raises
+    ------
+    UsageError
+        It is of neither format.
+    """
+    if request.export is None:
+        return []
+    file = Path(request.export)
+    if file.suffix.lower() not in (_MSEED, _CSV):
+        raise UsageError(f"--export {request.export[:60]}: the name ends with {_MSEED} or {_CSV}")
+    return [file, beside(file, ".json")]
+
+
+def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
+    """Write the motions that are exported; what there is to say of it.
+
+    Raises
+    ------
+    UsageError
+        Several components for a CSV file; several sampling intervals for MiniSEED.
+    """
+    from tdint.ground_motion.measures import channels_of
+    from tdint.ground_motion.record import to_mseed
+    from tdint.output.summary import in_units, json_bytes, table_summary
+
+    if request.export is None:
+        return ()
+    file, told = _exported_files(request)
+    motions = [record for product in products for record in product.exported]
+    summaries = [dict(summary) for product in products for summary in product.records]
+    units, notes = SI, tuple[str, ...]()
+    table = tables.spectra.ground_table(motions[0])
+    if file.suffix.lower() == _MSEED:
+        if len({record.dt for record in motions}) > 1:
+            raise UsageError(
+                f"--export {request.export[:60]}: the records have different sampling intervals, with which no program "
+                "reads a file: export them one by one, or give --resample"
+            )
+        channels = channels_of(motions)
+        exported = to_mseed(channels)
+        content, notes = exported.content, exported.notes
+        for summary, channel in zip(summaries, channels[:: len(channels) // len(motions)], strict=True):
+            summary["exported_as"] = channel.id
+    elif len(motions) > 1:
+        raise UsageError(
+            f"--export {request.export[:60]}: a CSV file has one component, there are {len(motions)}: choose one by "
+            f"--component, or give FILE{_MSEED}, which has all"
+        )
+    else:
+        units = request.outputs.shown_units
+        content = table.in_units(units).csv()
+    # The columns are in their units already.
+    own = {"columns": table.in_units(units).meanings}
+    summary = in_units(table_summary("info", request.settings, summaries, {}), units) | own
+    write_files({file: content, told: json_bytes(summary)}, overwrite=request.outputs.overwrite)
+    return notes
+
+
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
     from tdint.output.summary import record_summary
@@ -139,6 +225,7 @@ def _work(request: Request, task: Task) -> Product:
         table=tables.spectra.info_table(infos),
         records=tuple(map(record_summary, records)),
         infos=tuple(infos) if request.outputs.picture else (),
+        exported=tuple(records) if request.export else (),
         changes=notes_of_components(records, lambda record: record.processing),
         warnings=notes_of_components(records, lambda record: record.warnings),
     )

@@ -8,12 +8,14 @@ Earthquake Spectra 22(2)) and the spectrum intensity of Housner (1952).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.units import STANDARD_GRAVITY
 
 HOUSNER_PERIODS = (0.1, 2.5)
@@ -21,6 +23,9 @@ HOUSNER_PERIODS = (0.1, 2.5)
 
 CAV5 = 0.05
 """Acceleration below which CAV5 counts nothing, m/s^2 (Kramer and Mitchell 2006)."""
+
+_CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
+"""Of a station and its accelerometer, as MiniSEED holds them (SEED manual 2.4)."""
 
 _HALVINGS = 60
 _PADDING = 0.05
@@ -125,6 +130,26 @@ def integrate(record: Record) -> Motion:
     pgv = max(_largest(velocity), _velocity_between(a, velocity, h))
     pgd = max(_largest(displacement), _displacement_between(a, velocity, displacement, h))
     return Motion(velocity, displacement, pgv, pgd)
+
+
+def channels_of(records: Sequence[Record]) -> list[Record]:
+    """Acceleration, velocity and displacement of records, for `to_mseed`: channels of one code, their locations as of
+    `UNITS_BY_LOCATION`.
+
+    Codes are those of the records where these are an accelerometer's and differ, else stations R01, R02, ... with the
+    channel HN1.
+    """
+    codes = [record.id.split(".") for record in records]
+    known = all(_CODES.fullmatch(record.id) for record in records)
+    if not known or len({(network, station, channel) for network, station, _, channel in codes}) < len(codes):
+        codes = [["", f"R{number:02d}", "", "HN1"] for number in range(1, len(records) + 1)]
+    channels = []
+    for record, (network, station, _, channel) in zip(records, codes, strict=True):
+        motion = integrate(record)
+        of_each = (record.acceleration, motion.velocity, motion.displacement)
+        for location, samples in zip(UNITS_BY_LOCATION, of_each, strict=True):
+            channels.append(replace(record, acceleration=samples, id=f"{network}.{station}.{location}.{channel}"))
+    return channels
 
 
 def cumulative_energy(record: Record) -> Array:

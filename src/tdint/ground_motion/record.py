@@ -179,6 +179,9 @@ def component_names(records: Sequence[Record]) -> list[str]:
 IN_SI = "SI"
 """Location code with which tdint exports motions, whose samples are in SI units: MiniSEED has no place for a unit."""
 
+UNITS_BY_LOCATION = {IN_SI: "m/s^2", "SV": "m/s", "SD": "m"}
+"""Units of what tdint exports: acceleration, and beside it under the same code velocity and displacement."""
+
 
 def station_of(id: str) -> str:
     """The station of a channel's id NET.STA.LOC.CHA; nothing of another id."""

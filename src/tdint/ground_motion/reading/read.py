@@ -20,7 +20,7 @@ from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
 from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
 from tdint.ground_motion.reading.scale import Motion, are_counts, declared_units, to_acceleration, to_motion
-from tdint.ground_motion.record import Input, Record, masked_samples, station_of
+from tdint.ground_motion.record import IN_SI, UNITS_BY_LOCATION, Input, Record, masked_samples, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import parse_units
@@ -383,9 +383,10 @@ def _components(
     data = read_bytes(source)
     parts = read_parts(data, name, layout)
     components = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
+    if component is not None and not isinstance(component, str):
+        raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
+    components = _without_integrals(components, component)
     if component is not None:
-        if not isinstance(component, str):
-            raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
@@ -394,6 +395,20 @@ def _components(
         of_part = (trace for one, trace in zip(components, traces, strict=True) if one.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
     return list(zip(components, traces, strict=True)), digested(data, source)
+
+
+def _without_integrals(components: list[_Component], named: str | None) -> list[_Component]:
+    """The channels without the velocities and displacements that tdint exported beside accelerations, unless one is
+    named by its full id."""
+    ids = {one.channel.id.upper() for one in components}
+
+    def is_beside(one: _Component) -> bool:
+        network, station, location, code = one.channel.id.upper().split(".")
+        beside = location in UNITS_BY_LOCATION and location != IN_SI
+        return beside and f"{network}.{station}.{IN_SI}.{code}" in ids
+
+    asked = (named or "").strip().upper()
+    return [one for one in components if one.channel.id.upper() == asked or not is_beside(one)]
 
 
 @dataclass(frozen=True)

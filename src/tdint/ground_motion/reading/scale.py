@@ -1,6 +1,7 @@
 """From a file's samples to m/s^2: what the user says about their units, what the file says, and what is done.
 
-A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2.
+A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2; SV and SD stand for
+its velocity (m/s) and displacement (m).
 
 One convention about units is leaned on: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy and other
 programs that remove an instrument's response write what is left as floating-point numbers, in SI units, under the
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.record import IN_SI
+from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
@@ -141,8 +142,8 @@ def declared_units(trace: Any, format_name: str, label: str, asked: Units | None
     of_reader = stats.get("tdint_units")
     if of_reader:
         return Declared(parse_units(of_reader), stats.get("tdint_units_from", "file"))
-    if format_name == "MSEED" and stats.location == IN_SI and stats.channel[1:2] == _ACCELEROMETER:
-        return Declared(Units("m/s^2", 1.0, False))
+    if format_name == "MSEED" and stats.location in UNITS_BY_LOCATION and stats.channel[1:2] == _ACCELEROMETER:
+        return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:

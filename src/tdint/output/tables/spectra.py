@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdint.analysis.spectra.elastic import Spectrum
-from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, measure, spectrum_intensity
+from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, integrate, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, rows_of
 from tdint.tabular import Tabular
@@ -67,6 +68,21 @@ SAMPLES = (
     Column("acceleration_m_s2", "m/s^2", "acceleration", "acceleration of the ground"),
 )
 """Of a record itself."""
+
+GROUND = (
+    *SAMPLES,
+    Column("velocity_m_s", "m/s", "velocity", "its integral from rest at the first sample"),
+    Column("displacement_m", "m", "displacement", "the integral of that"),
+)
+"""Of the ground's motion, as it is exported."""
+
+
+def ground_table(record: Record) -> Table:
+    """Acceleration, velocity and displacement of a record at its samples."""
+    motion = integrate(record)
+    told = {"dt": record.dt, "acceleration": record.acceleration} | vars(motion)
+    return Table.of_results(GROUND, [SimpleNamespace(**told)])
+
 
 OF_MOTION = (
     Column("record", "text", "motion.source", "file of the first component"),
