@@ -24,7 +24,7 @@ Each command has a function; what these give shows itself in a line, as a table 
     Buildings        first_model, check, run (run_many, run_case of prepare, run_sequence), modes (modal_response),
                      cyclic_test, pushover (target_displacements), compare, inventory
     Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals, constant_ductility,
-                     constant_strength, floor_spectra of a response), drift_spectrum
+                     constant_strength, floor_spectra of a response), drift_spectrum, fourier_spectrum
     Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities, fit_cloud)
     Methods          methods, stability, overshoot, order, failures, paper_examples, chart (chart_many);
                      load_plugin, register_method, register_law
@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
     from tdint.analysis.spectra.floors import floor_spectra as floor_spectra
+    from tdint.analysis.spectra.fourier import fourier_spectrum as fourier_spectrum
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.modal import modal_response as modal_response
@@ -127,6 +128,7 @@ _NAMES = {
     "analysis.spectra.drift": "drift_spectrum",
     "analysis.spectra.elastic": "spectrum",
     "analysis.spectra.floors": "floor_spectra",
+    "analysis.spectra.fourier": "fourier_spectrum",
     "analysis.spectra.inelastic": "constant_ductility constant_strength",
     "analysis.spectra.modal": "modal_response",
     "analysis.spectra.rotated": "rotated_spectrum",

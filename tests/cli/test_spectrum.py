@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import tdint as library
 from csv_rows import rows
 from tdint.analysis import defaults
 from tdint.analysis.spectra.elastic import spectrum
@@ -14,6 +15,7 @@ from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
+UNITS = ("--units", "m/s^2")
 
 
 def files(folder) -> list[str]:
@@ -367,3 +369,43 @@ def test_a_record_of_zeros_is_drawn(folder, tdint, option):
     (row,) = rows(folder / "zero.csv")
     assert row["sd_m"] == "0"
     assert row["ductility"] == ("" if option[0] == "--ductility" else "0")
+
+
+def test_fourier_spectra(folder, tdint):
+    """The function's numbers, its settings beside them; another unit, another smoothing."""
+    result = tdint("spectrum", "motion.mseed", *UNITS, "--fourier", "-o", "f.csv", "--plot", "--scale", "2")
+    assert (result.exit_code, result.stdout) == (0, ""), result.output
+    table = rows(folder / "f.csv")
+    expected = library.fourier_spectrum(library.read_record("motion.mseed", units="m/s^2", component="HNE").scaled(2.0))
+    first = [row for row in table if row["component"] == "HNE"]
+    assert [float(row["fourier_amplitude_m_s"]) for row in first] == pytest.approx(expected.amplitude, rel=1e-11)
+    assert [float(row["frequency_hz"]) for row in first] == pytest.approx(expected.frequencies, rel=1e-11)
+    assert {row["bandwidth"] for row in table} == {"40"}
+    settings = json.loads((folder / "f.json").read_text())["settings"]
+    assert (settings["smoothing"], settings["scale"]) == (40.0, 2.0)
+    assert not {"periods", "damping"} & set(settings)
+    assert (folder / "f.png").read_bytes().startswith(b"\x89PNG")
+    plain = rows(tdint("spectrum", "motion.mseed", *UNITS, "--fourier", "--smoothing", "none").stdout)
+    assert {row["bandwidth"] for row in plain} == {""}
+    assert len(plain) == 2 * 150
+    shown = rows(tdint("spectrum", "motion.mseed", *UNITS, "--fourier", "--output-units", "cm").stdout)
+    assert float(shown[3]["fourier_amplitude_cm_s"]) == pytest.approx(50.0 * float(table[3]["fourier_amplitude_m_s"]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("motion.mseed", "--fourier", "--period", "1"), "--period is for response spectra"),
+        (("motion.mseed", "--fourier", "--rotd", "50"), "--rotd is for response spectra"),
+        (("motion.mseed", "--fourier", "--damping", "2%"), "--damping is for response spectra"),
+        (("motion.mseed", "--smoothing", "40"), "--smoothing"),
+        (("motion.mseed", "--fourier", "--smoothing", "-1"), "must be a positive number, got '-1'"),
+        (("motion.mseed", "--fourier", "--smoothing", "1e5"), "the bandwidth is from 1 to 1000"),
+        (("--fourier",), "RECORD"),
+        (("--fourier", "--target", "ec8:type=1,soil=B,ag=0.25g"), "--fourier is for records"),
+    ],
+)
+def test_fourier_spectra_that_are_refused(folder, tdint, arguments, message):
+    result = tdint("spectrum", *arguments, *(UNITS if "motion.mseed" in arguments else ()))
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr

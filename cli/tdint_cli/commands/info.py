@@ -72,17 +72,17 @@ _MSEED, _CSV = ".mseed", ".csv"
 _EXPORT = options.output.option(
     "--export",
     type=FileName(written=True),
-    metavar="FILE.mseed|FILE.csv",
+    metavar="FILE",
     callback=options.output.refuse_empty,
     common=True,
-    help="Also write acceleration, velocity and displacement as they are after all that is done: all components as "
-    "MiniSEED in SI units, or one as CSV; what they are and what was done stands in a JSON file beside.",
+    help="Also write the motions as they are after all that is done, to this .mseed or .csv file; acceleration, "
+    "velocity and displacement: all components as MiniSEED in SI units, or one as CSV; what they are and what was done "
+    "stands in a JSON file beside.",
 )
 
 
 @options.command(
     "info",
-    "tdint info office-motion.txt",
     "tdint info office-motion.txt -o info.csv --plot",
     "tdint info office-motion.txt --highpass 0.1 --export filtered.csv",
     exits={4: "a record cannot be read; the others are done"},

@@ -233,7 +233,7 @@ _NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "a
 @options.spectra.tables_of_records(AXES)
 @options.of(SpectrumRequest)
 def command(request: SpectrumRequest) -> None:
-    """Response spectra of ground-motion records, elastic and inelastic.
+    """Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
     --component names one. CSV: relative displacement, pseudo-velocity, pseudo-acceleration, relative
@@ -253,6 +253,9 @@ def command(request: SpectrumRequest) -> None:
     --oscillator with --history makes another table, of the motion of oscillators at the record's samples: relative
     displacement and velocity, absolute acceleration.
 
+    --fourier makes another table, of the amplitude of the acceleration's Fourier transform (sampling interval times the
+    sum), smoothed over the frequency (Konno and Ohmachi 1998) unless --smoothing is none.
+
     --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity, pseudo-acceleration.
 
     --against makes another table, of one column of a published spectrum and what is computed at its periods.
@@ -265,6 +268,8 @@ def command(request: SpectrumRequest) -> None:
 
 def _kind(request: SpectrumRequest) -> Kind:
     """The kind of spectra that is asked for."""
+    if request.fourier:
+        return kinds.Fourier()
     if request.against:
         return kinds.Against()
     if request.ductility or request.strength:
@@ -288,6 +293,8 @@ def _write_target(request: SpectrumRequest) -> None:
     if target is None:
         raise UsageError("Missing argument 'RECORD...'. Without one, --target makes a table.")
     request.refuse((*_NOT, "inventory"), "is for records, and there is none")
+    if request.fourier:
+        raise UsageError("--fourier is for records, and there is none")
     if click.get_current_context().get_parameter_source("damping") == click.core.ParameterSource.COMMANDLINE:
         raise UsageError("--damping is for records; a design spectrum takes it by name: ec8:...,damping=2%")
     if request.is_folder:

@@ -12,7 +12,7 @@ from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
 from tdint.output import figures, tables
-from tdint.written_numbers import Grid, parse_grid
+from tdint.written_numbers import Grid, parse_grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import BESIDE, FileName, Number, Ratio, pair_names
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum, SpectrumSettings
+    from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.analysis.spectra.target import PublishedSpectrum, SpectrumDifference, TargetSpectrum
@@ -147,6 +148,15 @@ class TablesRequest(RecordsRequest):
         return np.array(self.period) if self.period else (self.periods or parse_grid(default)).values()
 
 
+def _bandwidth(text: str) -> float:
+    """A bandwidth of a smoothing; 0 for none."""
+    return 0.0 if text.strip().lower() == "none" else parse_positive("the bandwidth of --smoothing", text)
+
+
+_OF_RECORDS = ("units", "component", "inventory", "layout", "processing", "scale")
+"""Settings that Fourier spectra have, too."""
+
+
 @options.request
 class SpectrumRequest(TablesRequest):
     """The command line of `tdint spectrum`."""
@@ -230,6 +240,17 @@ class SpectrumRequest(TablesRequest):
         type=click.Choice(["log-log"]),
         help="Take the published spectrum between its periods on straight lines in logarithms.",
     )
+    fourier: bool = options.spectra.option(
+        is_flag=True,
+        common=True,
+        help="Fourier amplitude spectra of the acceleration instead.",
+    )
+    smoothing: float | None = options.spectra.option(
+        needs="--fourier",
+        type=grammar.Written("bandwidth", _bandwidth),
+        metavar="B|none",
+        help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by default.",
+    )
     axes: str | None
     scale: float | None
 
@@ -240,6 +261,13 @@ class SpectrumRequest(TablesRequest):
 
     def settings(self, default_periods: str) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
+        if self.fourier:
+            told = super().settings(default_periods)
+            smoothing = "none" if self.bandwidth is None else self.bandwidth
+            return {name: told[name] for name in _OF_RECORDS if name in told} | {
+                "fourier": True,
+                "smoothing": smoothing,
+            }
         manner = self.manner
         yields = self.ductility or self.strength
         return super().settings(default_periods) | {
@@ -249,6 +277,13 @@ class SpectrumRequest(TablesRequest):
             "interpolation": manner.interpolation.name,
             "against_sha256": self.published(self.damping[0]).input.sha256 if self.against else None,
         }
+
+    @property
+    def bandwidth(self) -> float | None:
+        """Of the smoothing of Fourier spectra; None for none."""
+        from tdint.analysis.spectra.fourier import BANDWIDTH
+
+        return BANDWIDTH if self.smoothing is None else (self.smoothing or None)
 
     def published(self, damping: float) -> PublishedSpectrum:
         """The published spectrum for a damping ratio."""
@@ -286,6 +321,12 @@ class SpectrumRequest(TablesRequest):
 # ---- Spectrum kinds
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OF_PERIODS = (
+    *("axes", "rotd", "ductility", "strength", "oscillator", "method", "maxima", "interpolation", "target", "against"),
+    *("periods", "period"),
+)
+"""Options of spectra over the period."""
 
 
 class _OfOscillators(Kind):
@@ -368,6 +409,30 @@ class Inelastic(_OfOscillators):
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
         """A line for each spectrum."""
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
+
+
+class Fourier(Kind):
+    """Fourier amplitude spectra of single components."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        request.refuse(_OF_PERIODS, "is for response spectra; leave it out with --fourier")
+        if click.get_current_context().get_parameter_source("damping") == click.core.ParameterSource.COMMANDLINE:
+            raise UsageError("--damping is for response spectra; leave it out with --fourier")
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The spectrum of each component."""
+        from tdint.analysis.spectra.fourier import fourier_spectrum
+
+        return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
+
+    def table(self, _: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Table:
+        """A row for each component and frequency."""
+        return tables.spectra.result_table(lines)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
+        """A line for each component."""
+        return figures.comparison.fourier_picture(lines, request.shown_units)
 
 
 class Histories(Kind):

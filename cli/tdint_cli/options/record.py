@@ -79,11 +79,12 @@ record = option(
 units = option(
     "--units",
     type=SampleUnitsType(_units),
-    metavar="UNITS|NAME=UNITS,...",
+    metavar="UNITS",
     common=True,
-    help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor the value of "
-    "one count ('2.38e-6 m/s^2'); of a velocity or a displacement (cm/s, cm), which is then differentiated. By file: "
-    "AT2=g,*.mseed=m/s^2 (a format or the end of a path), or a table (.csv) of record and units.",
+    help="Units of the samples, or by file AT2=g,*.mseed=m/s^2; of all: m/s^2, cm/s^2, gal, "
+    "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a velocity or a "
+    "displacement (cm/s, cm), which is then differentiated. By file: a format or the end of a path each, or a table "
+    "(.csv) with the columns record and units; the first that fits counts.",
 )
 component = option(
     "--component",

@@ -19,6 +19,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
+from tdint.analysis.spectra.fourier import FourierSpectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
 from tdint.analysis.spectra.modal import ModalResponse
 from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -193,6 +194,7 @@ _LOOKS: dict[type, _Look] = {
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
     FieldChart: _Look(lambda found, _: profile_picture(found[0], target="peak-drift"), alone=True),
     FloorSpectrum: _Look(runs.floor_picture),
+    FourierSpectrum: _Look(records.fourier_picture, records.draw_fourier),
     Fragility: _Look(
         lambda found, _: collapse.fragility_picture(found),
         lambda ax, found, _: collapse.draw_functions(ax, found),

@@ -15,7 +15,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 from tdint.analysis.defaults import PEAKS
 from tdint.arrays import Array
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
     COLORS,
@@ -31,6 +31,7 @@ from tdint.output.figures.style import (
     line_look,
     plain_numbers,
     record_name,
+    record_names,
     scaled_unit,
     write_note,
 )
@@ -43,6 +44,7 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
     from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
+    from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
@@ -408,6 +410,9 @@ def _draw_profile(
 
 # ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias intensity builds up
 
+_LEAST_AMPLITUDE = 1e-4
+"""Part of the largest Fourier amplitude down to which a picture shows them: below lies what filters have left."""
+
 MOST_RECORDS = 3
 """As many are drawn, side by side; what comes after them is left out."""
 
@@ -434,6 +439,39 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
         axes.set_ylabel(f"{name} ({units.label(si)})")
     grid[-1, 0].set_ylabel("Arias intensity (%)")
     return figure
+
+
+def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI) -> Figure:
+    """Picture of Fourier amplitude spectra on logarithmic axes, a line per component."""
+    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
+    axes = figure.subplots()
+    draw_fourier(axes, spectra, units)
+    sources = list(dict.fromkeys(spectrum.record.source for spectrum in spectra))
+    subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
+    if len(spectra) == 1:
+        subject = f"{subject} {spectra[0].record.component}".rstrip()
+    subject += changed(spectrum.record for spectrum in spectra)
+    b = spectra[0].bandwidth
+    smoothing = "not smoothed" if math.isnan(b) else f"Konno-Ohmachi smoothing, b = {b:g}"
+    add_title(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
+    return figure
+
+
+def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
+    """Amplitudes over the frequency, a line each; a picture has room for four decades below the largest."""
+    files = record_names(spectrum.record.source for spectrum in spectra)
+    names = component_names([spectrum.record for spectrum in spectra])
+    for number, (spectrum, name) in enumerate(zip(spectra, names, strict=True)):
+        label = ", ".join(filter(None, (files[spectrum.record.source] if len(files) > 1 else "", name)))
+        amplitude = units.of(spectrum.amplitude, "m/s")
+        axes.plot(spectrum.frequencies, amplitude, label=label, **line_look(number) | {"linewidth": 1.0})
+    axes.set(xscale="log", yscale="log")
+    axes.set(xlabel="frequency (Hz)", ylabel=f"Fourier amplitude ({units.label('m/s')})")
+    largest = max(float(np.max(spectrum.amplitude)) for spectrum in spectra)
+    axes.set_ylim(units.of(_LEAST_AMPLITUDE * largest, "m/s") or None, None)
+    plain_numbers(axes.xaxis)
+    if len(spectra) > 1:
+        axes.legend(loc="best")
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:

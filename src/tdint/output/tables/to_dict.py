@@ -25,6 +25,7 @@ from tdint.analysis.run.run_many import Runs
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
+from tdint.analysis.spectra.fourier import FourierSpectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
 from tdint.analysis.spectra.modal import ModalResponse
 from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -232,7 +233,7 @@ _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
 _values.register(Response, lambda result: buildings.response_table(result).by_column())
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
-for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum):
+for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):
     _values.register(_spectrum, partial(_of_record, columns_of(_spectrum)))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(ModalResponse, lambda result: _of(buildings.MODAL_RESPONSE, result))

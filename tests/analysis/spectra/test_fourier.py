@@ -1,0 +1,96 @@
+"""Fourier amplitude spectra: closed forms, the sum of Parseval, and what a smoothing does to them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.errors import UsageError
+from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.record import Record
+
+DT, SIZE = 0.01, 4000
+
+
+def record(samples) -> Record:
+    return Record(np.asarray(samples, dtype=float), DT, "", "", "X", "made")
+
+
+@pytest.fixture(scope="module")
+def noise() -> Record:
+    return record(np.random.default_rng(5).normal(size=SIZE))
+
+
+@pytest.mark.parametrize("cycles", [1, 37, 1500])
+def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
+    """A sin(2 pi k t / T) over T: A T / 2 at k / T, nothing elsewhere."""
+    duration = SIZE * DT
+    found = tdint.fourier_spectrum(record(3.0 * np.sin(2.0 * math.pi * cycles * np.arange(SIZE) / SIZE)), None)
+    assert found.frequencies[cycles - 1] == pytest.approx(cycles / duration, rel=1e-14)
+    assert found.amplitude[cycles - 1] == pytest.approx(1.5 * duration, rel=1e-12)
+    assert np.max(np.delete(found.amplitude, cycles - 1)) < 1e-10
+
+
+def test_a_decaying_exponential_has_that_of_its_integral() -> None:
+    """a exp(-c t): a / sqrt(c^2 + omega^2), but for what sampling does where omega dt is small."""
+    c = 2.0
+    found = tdint.fourier_spectrum(record(5.0 * np.exp(-c * DT * np.arange(SIZE))), None)
+    low = found.frequencies < 1.0
+    expected = 5.0 / np.hypot(c, 2.0 * math.pi * found.frequencies)
+    np.testing.assert_allclose(found.amplitude[low], expected[low], rtol=2e-2)
+
+
+@pytest.mark.parametrize("size", [SIZE, SIZE - 1])
+def test_the_sum_of_parseval(noise, size) -> None:
+    """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end has one sign."""
+    samples = noise.acceleration[:size]
+    found = tdint.fourier_spectrum(record(samples), None)
+    assert found.frequencies.size == size // 2
+    squares = found.amplitude**2
+    both = 2.0 * np.sum(squares) - (squares[-1] if size % 2 == 0 else 0.0)
+    zero = (DT * np.sum(samples)) ** 2
+    assert (both + zero) / (size * DT) == pytest.approx(DT * np.sum(samples**2), rel=1e-12)
+
+
+@pytest.mark.parametrize("bandwidth", [10.0, 40.0, 188.0])
+def test_smoothing_a_constant_is_the_constant(bandwidth) -> None:
+    """One sample that is not zero has the same amplitude at every frequency."""
+    impulse = np.zeros(SIZE)
+    impulse[17] = 4.0
+    found = tdint.fourier_spectrum(record(impulse), bandwidth)
+    np.testing.assert_allclose(found.amplitude, 4.0 * DT, rtol=1e-12)
+    assert found.frequencies.size <= 300
+
+
+@pytest.mark.parametrize("bandwidth", [20.0, 40.0])
+def test_the_window_is_that_of_konno_and_ohmachi(noise, bandwidth) -> None:
+    """ObsPy's window, normalized, at the same frequencies."""
+    with quiet_import():
+        from obspy.signal.konnoohmachismoothing import konno_ohmachi_smoothing_window
+    plain = tdint.fourier_spectrum(noise, None)
+    found = tdint.fourier_spectrum(noise, bandwidth)
+    for frequency, amplitude in list(zip(found.frequencies, found.amplitude, strict=True))[::10]:
+        window = konno_ohmachi_smoothing_window(plain.frequencies, frequency, bandwidth, normalize=True)
+        assert amplitude == pytest.approx(window @ plain.amplitude, rel=1e-9)
+
+
+def test_a_larger_bandwidth_smooths_less(noise) -> None:
+    rough = [np.std(np.diff(np.log(tdint.fourier_spectrum(noise, b).amplitude))) for b in (10.0, 40.0, 160.0)]
+    assert rough[0] < rough[1] < rough[2]
+
+
+def test_scaled_motions_have_scaled_spectra(noise) -> None:
+    twice = tdint.fourier_spectrum(noise.scaled(-2.0))
+    np.testing.assert_allclose(twice.amplitude, 2.0 * tdint.fourier_spectrum(noise).amplitude, rtol=1e-12)
+    assert twice.bandwidth == 40.0
+    assert "smoothed with b = 40" in repr(twice)
+    assert list(twice.to_dict()) == ["record", "component", "bandwidth", "frequency_hz", "fourier_amplitude_m_s"]
+
+
+@pytest.mark.parametrize("bandwidth", [0.0, -40.0, math.nan, 1e6])
+def test_a_bandwidth_that_is_none(noise, bandwidth) -> None:
+    with pytest.raises(UsageError, match="the bandwidth is from 1 to 1000"):
+        tdint.fourier_spectrum(noise, bandwidth)
