@@ -173,6 +173,7 @@ def test_peers_in_the_chart(folder, tdint, monkeypatch):
     assert any("openseespy" in name for name in others) == ("openseespy is left out" not in result.stderr)
     picture = (folder / "x.svg").read_text(encoding="utf-8")
     assert "scipy/RK45" in picture and f"scipy {version('scipy')}" in picture
+    assert "scipy: in solve_ivp" in picture  # on the axis, which says what is timed
     assert f"note: scipy {version('scipy')}: solve_ivp, atol = rtol times" in result.stderr
     assert not any("scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4])
 

@@ -136,6 +136,19 @@ def test_fragility_functions(tmp_path, functions, there):
     assert all(words in text for words in there)
 
 
+@pytest.mark.parametrize(("count", "panels"), [(1, 1), (2, 1), (4, 2)])
+def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count, panels):
+    """Where there are more than two: else each curve has two lines, a band and observations in one panel."""
+    fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
+    functions = [replace(fitted.named(t, "pga", "m/s^2"), beta_model=0.3) for t in np.arange(1, count + 1) / 100.0]
+    figure = fragility_picture(functions)
+    shown = [axes for axes in figure.axes if axes.get_legend()]
+    assert len(shown) == panels
+    totals = [text.get_text() for text in shown[-1].get_legend().get_texts()]
+    assert sum(f"{fitted.beta:.2f}" in text for text in totals) == (count if panels == 1 else 0)
+    assert sum(f"{functions[0].beta_total:.2f}" in text for text in totals) == count
+
+
 @pytest.mark.usefixtures("laid_out")
 def test_formats(tmp_path):
     of_kinds = (

@@ -357,7 +357,7 @@ def with_plugins(
         except Exception as error:  # whatever a function of somebody else's raises
             notes.append(f"{full} is left out: {type(error).__name__}: {' '.join(str(error).split())}")
     others = {point.line.partition("/")[0]: None for point in points}
-    told = tuple(Peer(plugin, "of a plug-in", "the whole call of its function is timed") for plugin in others)
+    told = tuple(Peer(plugin, "of a plug-in", "those of its function", "its whole call") for plugin in others)
     return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *told)), notes
 
 
@@ -405,8 +405,8 @@ def with_peers(
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
     """The other programs that some points are of."""
     programs = {point.line.partition("/")[0] for point in points}
-    settings = {"openseespy": _OPENSEES_SETTINGS, "scipy": _SCIPY_SETTINGS}
-    return tuple(Peer(name, _version(name), settings[name]) for name in settings if name in programs)
+    known = {"openseespy": (_OPENSEES_SETTINGS, "analyze"), "scipy": (_SCIPY_SETTINGS, "solve_ivp")}
+    return tuple(Peer(name, _version(name), *told) for name, told in known.items() if name in programs)
 
 
 def _version(package: str) -> str:

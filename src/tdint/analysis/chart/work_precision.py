@@ -186,11 +186,13 @@ class Timing:
 
 @dataclass(frozen=True)
 class Peer:
-    """Another program in a chart: its name, which lines begin with, its version, and its settings in words."""
+    """Another program in a chart: its name, which lines begin with, its version, and in words its settings and what of
+    it is timed."""
 
     name: str
     version: str
     settings: str
+    timed: str
 
 
 @dataclass(frozen=True, repr=False)

@@ -610,7 +610,7 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
     axes.set(
         xlabel=f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}",
-        ylabel=_COSTS[drawing.versus].format(clock=CLOCKS[drawing.chart.timing.clock]),
+        ylabel=_cost(drawing),
     )
     add_legend(figure, axes, handles, list(drawing.lines), _NARROW_CHART)
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
@@ -620,6 +620,15 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
     write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
     return figure
+
+
+def _cost(drawing: _Drawing) -> str:
+    """What the costs are; of times what is timed, of other programs, too."""
+    chart = drawing.chart
+    label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
+    if drawing.versus == "time" and chart.peers:
+        label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
+    return label
 
 
 def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:

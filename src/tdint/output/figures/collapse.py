@@ -25,6 +25,7 @@ from tdint.output.figures.style import (
     MARKERS,
     add_title,
     changed,
+    is_narrow,
     legend_columns,
     line_look,
     minor_ticks,
@@ -340,6 +341,7 @@ def _ida_title(study: IdaStudy) -> str:
 
 _POINTS = 300
 _ACROSS = 4  # panels of types in a row
+_TOGETHER = 2  # functions that stand in one panel with those of the model's dispersion
 _FAR = 2.6  # standard deviations above the largest median at which the axis ends
 _NAMES = {
     "stripes": "Fragility of stripes, maximum likelihood",
@@ -351,8 +353,17 @@ _NAMES = {
 def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     """Picture of functions of one fit and one intensity measure, one at least."""
     cloud = functions[0].cloud
-    figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
-    if cloud is None:
+    crowded = cloud is None and len(functions) > _TOGETHER and any(function.beta_model for function in functions)
+    stacked = crowded and is_narrow()
+    figure = Figure(figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6), layout="constrained")
+    if crowded:
+        # The fitted functions with what tells how sure they are; beside them those with the model's dispersion.
+        first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
+        draw_functions(first, functions, total=False)
+        _draw_totals(second, functions)
+        if stacked:
+            second.set_ylabel(first.get_ylabel())
+    elif cloud is None:
         draw_functions(figure.subplots(), functions)
     else:
         left, right = figure.subplots(1, 2)
@@ -408,8 +419,8 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
-def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
-    """The functions with their observations and confidence bands."""
+def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
+    """The functions with their observations and confidence bands and, if `total`, those with the model's dispersion."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
@@ -420,7 +431,7 @@ def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
         for edge in (low, high):
             axes.plot(im, edge, **look, linewidth=0.5)
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
-        if function.beta_model:
+        if function.beta_model and total:
             whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
             axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
         mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "white"}
@@ -428,7 +439,25 @@ def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
     axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
-    title = None if math.isnan(functions[0].threshold) else "exceedance of"
+    _name_functions(axes, functions)
+
+
+def _draw_totals(axes: Any, functions: Sequence[Fragility]) -> None:
+    """The functions with the model's dispersion alone."""
+    end = _end(functions)
+    im = np.linspace(0.0, end, _POINTS)[1:]
+    for i, function in enumerate(functions):
+        label = _label(function, function.beta_total)
+        axes.plot(im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label)
+    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
+    add_gravity_axis(axes, functions[0].unit, horizontal=True)
+    _name_functions(axes, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}")
+
+
+def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
+    """The legend of functions of one demand; `which` they are."""
+    exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
+    title = "\n".join(filter(None, (which, exceeded))) or None
     axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none", title=title, alignment="left")
 
 
@@ -490,12 +519,14 @@ def _im_label(function: Fragility) -> str:
     return measure_label(function.im, function.unit)
 
 
-def _label(function: Fragility) -> str:
+def _label(function: Fragility, beta_total: float | None = None) -> str:
+    """A function's demand, median and dispersion, its own or that with the model's."""
     threshold = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
     if function.damage == function.damage:
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
         threshold += f"{state}, "
-    return rf"{threshold}$\theta$ = {function.theta:.3g}, $\beta$ = {function.beta:.2f}"
+    beta = rf"$\beta$ = {function.beta:.2f}" if beta_total is None else rf"$\beta_{{total}}$ = {beta_total:.2f}"
+    return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"
 
 
 def _fragility_title(functions: Sequence[Fragility]) -> str:
