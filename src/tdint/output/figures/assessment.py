@@ -115,7 +115,7 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
 
     The title begins with a `name`, if there is one.
     """
-    several = len({one.frequency_ratio for one in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
+    several = len({order.frequency_ratio for order in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
     figure = _draw_orders(measured) if several else _draw_order_chart(measured)
     add_title(figure, name + _order_title(measured))
     return figure
@@ -202,8 +202,8 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
 
 def _stability_title(curves: Sequence[StabilityCurve]) -> str:
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
-    return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
+    subject = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    return f"{short_labels([curves[0].method])[curves[0].method]}\n{subject}" if len(curves) == 1 else subject
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -258,14 +258,14 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed order, and the error at the finest step, over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    methods = list(dict.fromkeys(one.method for one in measured))
+    methods = list(dict.fromkeys(order.method for order in measured))
     short = short_labels(methods)
     lines = []
     for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
-        own = [one for one in measured if one.method == method]
-        ratios = np.array([one.frequency_ratio for one in own])
-        lines += _plot(upper, ratios, np.array([one.order("displacement") for one in own]), style)
-        _plot(lower, ratios, np.array([one.displacement[-1] for one in own]), style)
+        orders = [order for order in measured if order.method == method]
+        ratios = np.array([order.frequency_ratio for order in orders])
+        lines += _plot(upper, ratios, np.array([order.order("displacement") for order in orders]), style)
+        _plot(lower, ratios, np.array([order.displacement[-1] for order in orders]), style)
     upper.set_ylabel("observed order of displacement")
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     bottom, top = upper.get_ylim()
@@ -283,7 +283,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = short_labels([one.method for one in measured])
+    short = short_labels([order.method for order in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -292,14 +292,14 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         ("own_acceleration", "^", 6.0, "none"),
     )
     for quantity, marker, size, fill in marks:
-        orders = [one.order(quantity) for one in measured]
+        orders = [order.order(quantity) for order in measured]
         label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
         mark: dict[str, Any] = {"markersize": size, "markerfacecolor": fill, "markeredgecolor": COLORS[0]}
         axes.plot(orders, rows, marker, **mark, label=label)
-    for one, row in zip(measured, rows, strict=True):
-        if math.isnan(one.order("displacement")):
+    for order, row in zip(measured, rows, strict=True):
+        if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
-    axes.set_yticks(rows, [short[one.method] for one in measured], parse_math=False)
+    axes.set_yticks(rows, [short[order.method] for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
@@ -318,9 +318,9 @@ def _order_title(measured: Sequence[ObservedOrder]) -> str:
         "record": "a record that is linear between its samples",
     }
     text = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
-    if len({one.frequency_ratio for one in measured}) == 1 and not math.isnan(first.frequency_ratio):
+    if len({order.frequency_ratio for order in measured}) == 1 and not math.isnan(first.frequency_ratio):
         text += f", frequency ratio {first.frequency_ratio:g}"
-    if len({one.method for one in measured}) == 1:
+    if len({order.method for order in measured}) == 1:
         return f"{short_labels([first.method])[first.method]}\n{text}"
     return text
 
@@ -475,11 +475,11 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     for i, line in enumerate(lines):
         drawings = [_Drawing(chart, target) for chart in charts]
         points = [(drawing, _closest(drawing, line)) for drawing in drawings]
-        found = [(drawing, point) for drawing, point in points if point is not None]
-        stories = [drawing.chart.stories for drawing, _ in found]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        points_there = [(drawing, point) for drawing, point in points if point is not None]
+        stories = [drawing.chart.stories for drawing, _ in points_there]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in points_there]
         handles += cost.plot(stories, step_cost, **_style(i, line))
-        error = [drawing.error(point) for drawing, point in found]
+        error = [drawing.error(point) for drawing, point in points_there]
         accuracy.plot(stories, error, **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
@@ -564,9 +564,9 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     handles = []
     for i, (line, points) in enumerate(drawing.lines.items()):
         style = _style(i, line)
-        known, below = drawing.known(points), drawing.below(points)
-        axes.plot(*_columns(drawing, [*known, *below]), **style | {"marker": "none"})
-        axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
+        compared, below = drawing.known(points), drawing.below(points)
+        axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
+        axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
         axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
         handles += axes.plot([], [], **style)
     rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
@@ -584,8 +584,8 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     shown = drawing.shown()
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
-    wanted = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
-    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in wanted]
+    labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
+    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
     write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
     return figure
 
@@ -618,9 +618,9 @@ def _footnote(drawing: _Drawing) -> str:
     )
 
 
-def _title(drawing: _Drawing, name: str, what: str) -> str:
+def _title(drawing: _Drawing, name: str, subject: str) -> str:
     stories = drawing.chart.stories
-    return f"{name}\n{how_many(stories, 'story')}: {what}"
+    return f"{name}\n{how_many(stories, 'story')}: {subject}"
 
 
 def _draw_steps(drawing: _Drawing, name: str) -> Figure:
@@ -628,10 +628,10 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes = figure.subplots()
     handles, labels = [], []
     for i, (line, points) in enumerate(drawing.lines.items()):
-        known = [point for point in drawing.known(points) if not math.isnan(point.dt)]
-        if known:
+        compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
+        if compared:
             handles += axes.plot(
-                [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
+                [point.dt for point in compared], [drawing.error(point) for point in compared], **_style(i, line)
             )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)

@@ -45,8 +45,8 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time
     true = runs[0].exact(reference).displacement[:, shown.floor - 1]
-    found = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    values = [np.abs(one - true) for one in found] if shown.is_error else found
+    displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
+    values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
     near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = list(short_labels([run.method for run in runs]).values())
@@ -54,9 +54,9 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     for axes, part in ((wide, slice(None)), (close, near)):
         if not shown.is_error:
             (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        lines |= _draw_motions(axes, time[part], [one[part] for one in values], labels, marked=axes is close)
-    what = "|u - u_exact|" if shown.is_error else "displacement u"
-    wide.set_ylabel(f"{what} (m)", parse_math=False)
+        lines |= _draw_motions(axes, time[part], [motion[part] for motion in values], labels, marked=axes is close)
+    quantity = "|u - u_exact|" if shown.is_error else "displacement u"
+    wide.set_ylabel(f"{quantity} (m)", parse_math=False)
     wide.set_xlim(time[0], time[-1])
     wide.axvline(time[peak], color="0.3", linewidth=0.8)
     close.set_title(f"close-up at {time[peak]:.4g} s")
@@ -67,16 +67,16 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
     beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    add_title(figure, f"Figure {shown.number}: {about}\n{what}{floor}, dt {runs[0].dt:g} s{beside}")
+    add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
     return figure
 
 
 def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
     """A line for each method; with markers at every step, or at some. Lines by label."""
     lines = {}
-    for one, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
+    for motion, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
         marks = {"markevery": 1} if marked else {}
-        (line,) = axes.plot(time, one, **{**style, **marks}, linewidth=0.8)
+        (line,) = axes.plot(time, motion, **{**style, **marks}, linewidth=0.8)
         lines[label] = line
     axes.set_xlabel("time (s)")
     return lines
