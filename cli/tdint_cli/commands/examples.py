@@ -85,9 +85,8 @@ class Request:
 
 @options.command(
     "examples",
-    "tdint examples 1",
     "tdint examples 1 --method impulse,newmark-average -o example",
-    "tdint examples -o paper --figures",
+    "tdint examples 1 -o paper --figures",
 )
 @options.analysis.plugin
 @options.output.style_of("-o")

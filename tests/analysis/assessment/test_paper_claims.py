@@ -75,7 +75,7 @@ def test_the_first_frequency_of_example_3():
 @pytest.mark.parametrize("damping", DAMPINGS)
 @pytest.mark.parametrize("w", [0.3, 2.0, math.sqrt(12.0), 40.0])
 def test_the_denominator_of_the_appendix(damping, w):
-    """W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144 with W = omega dt; the determinant has it with -xi above."""
+    """W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144 with W = omega dt; the determinant has -xi above it."""
 
     def polynomial(xi):
         return w**4 + 12.0 * xi * w**3 + (12.0 + 48.0 * xi**2) * w**2 + 144.0 * xi * w + 144.0
