@@ -186,13 +186,13 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
         except RecordError as error:
             failures.append(error)
             continue
-        left = [one for one in components if choice.component is None and is_vertical(one.component)]
+        left = [component for component in components if choice.component is None and is_vertical(component.component)]
         if left and len(left) == len(components):
             failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
             continue
         if left:
-            notes.append(f"{file}: vertical, left out: {', '.join(one.component for one in left)}")
-        records += [one for one in components if not any(one is other for other in left)]
+            notes.append(f"{file}: vertical, left out: {', '.join(component.component for component in left)}")
+        records += [component for component in components if not any(component is other for other in left)]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
