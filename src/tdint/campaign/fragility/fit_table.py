@@ -277,7 +277,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
         of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
         return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
-    functions = [_tried(item, runs.names, partial(_of_stripes, runs, item)) for item in request.thresholds]
+    functions = [_tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds]
     warnings[0] += (
         ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
     )
@@ -388,7 +388,7 @@ def _cloud(
         function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
         for function, of, over in zip(functions, told, beyond, strict=True)
     ]
-    return FragilityResult(tuple(threshold.named(threshold.threshold, im_name, unit) for threshold in counted))
+    return FragilityResult(tuple(fit.named(fit.threshold, im_name, unit) for fit in counted))
 
 
 def _by_threshold(
@@ -639,9 +639,8 @@ def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.boo
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
-    return [
-        _type_tried(partial(fit_stripes, im, np.minimum(np.bincount(place, column), total), total)) for column in over.T
-    ]
+    counts = (np.minimum(np.bincount(place, row), total) for row in over.T)
+    return [_type_tried(partial(fit_stripes, im, count, total)) for count in counts]
 
 
 def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:

@@ -246,7 +246,7 @@ class SuiteMotion:
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
     """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
-    motions = [(one, records) for one in whole for records in [components(one)]]
+    motions = [(part, records) for part in whole for records in [components(part)]]
     names = iter(component_names([record for _, records in motions for record in records]))
     return tuple(
         SuiteMotion(record, record.source, next(names), motion, direction)
