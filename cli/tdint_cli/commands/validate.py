@@ -38,6 +38,6 @@ def command(outputs: Outputs) -> None:
         worst = outside[0]
         more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
         raise AnalysisError(
-            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond {worst.case.tolerance:.3g}{more}"
-            ": this installation computes something else than the one that was released"
+            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond {worst.case.tolerance:.3g}"
+            f"{more}: this installation computes something else than the one that was released"
         )

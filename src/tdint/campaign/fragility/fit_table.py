@@ -635,12 +635,11 @@ def _beyond(runs: TypeRuns) -> Array:
 
 def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
     """Of probabilities of exceedance at levels."""
-    over = _beyond(runs)[taken]
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
-    counts = (np.minimum(np.bincount(place, row), total) for row in over.T)
-    return [_type_tried(partial(fit_stripes, im, count, total)) for count in counts]
+    beyond = (np.minimum(np.bincount(place, row), total) for row in _beyond(runs)[taken].T)
+    return [_type_tried(partial(fit_stripes, im, count, total)) for count in beyond]
 
 
 def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
