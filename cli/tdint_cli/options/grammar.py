@@ -515,7 +515,13 @@ class Command(HelpAsData):
         """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
         flags = {name for parameter in self.params for name in parameter.opts}
         _refuse_swallowing(self.params, flags, args)
-        rest = super().parse_args(ctx, with_named_files(args, flags))
+        try:
+            rest = super().parse_args(ctx, with_named_files(args, flags))
+        except click.NoSuchOption as error:
+            now, example = _FORMER.get(error.option_name, ("", ""))
+            if now not in flags:
+                raise
+            raise UsageError(f"{error.option_name} is now {now}: {now} {example}") from None
         if not ctx.resilient_parsing:
             _refuse_idle(ctx, self.params)
         return rest
@@ -540,6 +546,15 @@ def _refuse_swallowing(options: Sequence[click.Parameter], names: Collection[str
         if word in valued and word not in _NAMES and following in names:
             raise UsageError(f"{word} needs a value, and {following} is an option")
 
+
+_FORMER = {
+    "--drift-limit": ("--limit", "2%"),
+    "--figure-width": ("--style", "90mm"),
+    "--font": ("--style", "\"font='Times New Roman'\""),
+    "--label": ("--style", "'label:moment4=present method'"),
+    "--no-title": ("--style", "title=no"),
+}
+"""Options that went, what does their work and with which value, for those who type them from memory."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
