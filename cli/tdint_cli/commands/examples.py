@@ -114,36 +114,36 @@ def command(request: Request) -> None:
     """
     from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
 
-    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
+    asked = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
     if folder:
         kind = f".{request.picture_format}"
         options.output.check_picture(Path(f"figure{kind}"))
-        more = _general_figures(wanted, kind) if request.all_figures else {}
-        outputs = [folder / name for example in wanted for name in _names(example, kind)]
+        more = _general_figures(asked, kind) if request.all_figures else {}
+        outputs = [folder / name for example in asked for name in _names(example, kind)]
         outputs += [folder / name for name in more]
         check_outputs(outputs, overwrite=request.overwrite)
     integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
     steps = request.dts or (DT,)
-    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in wanted}
+    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in asked}
     if folder:
         files = {
             folder / name: writer
-            for example in wanted
+            for example in asked
             for name, writer in _files(example, runs[example], request.reference, kind)
         }
         files |= {folder / name: writer for name, writer in more.items()}
         write_files(files, overwrite=request.overwrite)
         note(*(f"{file}: of an earlier call, left as it is" for file in outputs if file not in files and file.exists()))
-    emit_table(tables.methods.example_table([run for example in wanted for run in runs[example]], request.reference))
+    emit_table(tables.methods.example_table([run for example in asked for run in runs[example]], request.reference))
     usual = not request.methods and steps[0] == DT
-    for example in wanted:
+    for example in asked:
         _say_example(example, [run for run in runs[example] if run.dt == steps[0]], request.reference, remark=usual)
 
 
 def _names(example: Example, kind: str) -> list[str]:
     errors = f"example-{example.number}-errors"
-    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{one.number:02d}{kind}" for one in example.figures)]
+    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{figure.number:02d}{kind}" for figure in example.figures)]
 
 
 def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) -> list[tuple[str, Content]]:

@@ -111,5 +111,5 @@ def _measure(
 
 
 def _say_roundings(measured: list[ObservedOrder]) -> None:
-    exact = dict.fromkeys(one.method for one in measured if math.isnan(one.order("displacement")))
+    exact = dict.fromkeys(order.method for order in measured if math.isnan(order.order("displacement")))
     note(*(f"{method} has no order here: its errors are rounding" for method in exact))

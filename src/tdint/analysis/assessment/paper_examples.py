@@ -361,4 +361,6 @@ def paper_examples(
     if unknown := [number for number in numbers if number not in by_number]:
         raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}")
     integrators = default_integrators() if methods is None else chosen(methods)
-    return Several([run for one in numbers for dt in dts for run in run_example(by_number[one], dt, integrators)])
+    return Several(
+        [run for of_paper in numbers for dt in dts for run in run_example(by_number[of_paper], dt, integrators)]
+    )
