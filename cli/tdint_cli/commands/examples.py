@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tdint.files import Content
 
 _CONFIRMS = "gauss4"
-_WIDTH = 100
+_WIDTH = 100  # letters of a line
 
 
 @options.request
