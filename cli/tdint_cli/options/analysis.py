@@ -14,6 +14,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Name, Ratio
 from tdint_cli.options.record import RecordRequest
+from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -184,6 +185,23 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     from tdint.methods.catalogue import chosen
 
     return chosen(specifications or None)
+
+
+def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
+    """Those of the methods that integrate a nonlinear law; a note on the others.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    suited = [integrator for integrator in integrators if not integrator.family.linear_only]
+    if not suited:
+        raise UsageError(f"{integrators[0].label} integrates linear buildings only; not with --law {law}")
+    for integrator in integrators:
+        if integrator not in suited:
+            note(f"{integrator.label} is left out: it integrates linear buildings only")
+    return suited
 
 
 # ---- The building of a command line, and its ground motion: the model and the options of the record together

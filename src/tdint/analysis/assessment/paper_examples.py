@@ -76,6 +76,8 @@ class Example:
         Those of the paper.
     remark : str
         How the methods rank, against what the paper says.
+    drawn_as : int
+        The figure of the paper that shows the building; 0 for none.
     """
 
     number: int
@@ -85,6 +87,7 @@ class Example:
     exact_dt: float
     figures: tuple[ExampleFigure, ...]
     remark: str
+    drawn_as: int = 0
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ def examples() -> Mapping[int, Example]:
             0.001,
             (ExampleFigure(10, 1), ExampleFigure(11, 2), ExampleFigure(12, 2, is_error=True)),
             _REMARKS[2],
+            drawn_as=9,
         ),
         3: Example(
             3,
@@ -197,6 +201,7 @@ def examples() -> Mapping[int, Example]:
             0.002,
             (ExampleFigure(14, 1), ExampleFigure(15, 150), ExampleFigure(16, 1, is_error=True)),
             _REMARKS[3],
+            drawn_as=13,
         ),
     }
 
