@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import FileName, Number
+from tdint_cli.options.grammar import FileName, Number, Ratio
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
@@ -93,6 +94,15 @@ class Request(options.record.RecordRequest):
     repeat: int = options.option(
         type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
     )
+    tolerances: tuple[float, ...] | None = options.analysis.option(
+        "--tolerance",
+        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
+        many=True,
+        metavar="RATIO,...",
+        common=True,
+        help="Also chart moment4 and impulse4 with the steps that `tdint run --tolerance` chooses for these errors of "
+        "the peak drifts.",
+    )
     target: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
@@ -138,7 +148,8 @@ def command(request: Request) -> None:
     repeats, in which all methods take turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step
     (refused), diverged or not-converged, the last three with empty cells. Other programs (--peers) are named
     program/method; their times are those of their analysis loops alone, the solves of scipy are evaluations of the
-    rate.
+    rate. Lines by --tolerance have the time of all that `tdint run --tolerance` does, and the error of peak drifts
+    alone.
 
     displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the whole history: root
     of the sum of squares over all floors or stories and all common times, relative to the reference. Common times are
@@ -203,6 +214,8 @@ def _check(request: Request) -> BuildingRequest:
         raise UsageError("--dt already gives the steps; leave out --halvings")
     if request.stories and request.versus != "time":
         raise UsageError(f"--versus {request.versus} draws one building; leave out --stories")
+    if request.stories and request.tolerances:
+        raise UsageError("--tolerance charts one building; leave out --stories")
     if request.stories and request.peers:
         raise UsageError("--peers charts one building; leave out --stories")
     if request.stories and peers():
@@ -216,6 +229,7 @@ def _chart_many(request: Request) -> None:
     """Performance profiles over many problems."""
     # What has nothing to act on
     idle: dict[str, object] = {"--dt": request.steps, "--halvings": request.halvings, "--stories": request.stories}
+    idle |= {"--tolerance": request.tolerances}
     idle |= {"--versus": request.versus != "time", "--no-cache": not request.cache}
     if request.problems:
         idle |= {"MODEL.yaml": request.models, "--record": request.records, "--scale": request.scale}
@@ -273,15 +287,15 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 def _doubts(chart: FieldChart) -> list[str]:
     """Problems whose references are not known well enough for all tolerances."""
-    found = []
-    for one in chart.measured:
-        known = {name: one.gap.of(name) for name in PEAKS if not one.judges(name, 1e-4)}
-        if known:
-            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in known.items())
-            found.append(
-                f"{one.name}, {one.motion}: the reference is known to {gaps}: not judged where that is too far"
+    doubts = []
+    for case in chart.measured:
+        doubtful = {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}
+        if doubtful:
+            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
+            doubts.append(
+                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
             )
-    return found
+    return doubts
 
 
 def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
@@ -307,14 +321,18 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
     problem = ending_together(problem, steps)
-    own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+    of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
-        return [(one.point.line, one.point.dt) if one.point else None for one in _advice(request, points)]
+        return [(advice.point.line, advice.point.dt) if advice.point else None for advice in _advice(request, points)]
 
     chart = measure(
-        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=own
+        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
     )
+    if request.tolerances:
+        from tdint.analysis.chart.work_precision import with_tolerances
+
+        chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:
@@ -343,8 +361,11 @@ def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
     from tdint.output.summary import Advice
 
-    own = [point for point in points if tables.methods.PEER not in point.line]
-    return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
+    of_ours = [point for point in points if tables.methods.PEER not in point.line and not math.isnan(point.dt)]
+    return [
+        Advice(limit, cheapest(of_ours, request.target, limit), ties(of_ours, request.target, limit))
+        for limit in LIMITS
+    ]
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -391,15 +412,15 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         error = point.error(request.target)
         return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
 
-    for one in advice:
-        what = f"For {100.0 * one.limit:g} % ({request.target}): "
-        if one.point:
-            say(f"{what}{one.point.line} with dt {one.point.dt:.6g} s, {cost(one.point)}.")
-            if one.ties:
-                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in one.ties)
+    for advised in advice:
+        goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
+        if advised.point:
+            say(f"{goal}{advised.point.line} with dt {advised.point.dt:.6g} s, {cost(advised.point)}.")
+            if advised.ties:
+                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in advised.ties)
                 say(f"As cheap, to what the clock tells apart: {others}.")
         else:
-            say(f"{what}none of these methods and steps; add smaller steps with --dt or --halvings.")
+            say(f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings.")
     whose = "record" if chart.recorded else "model"
     say(f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}.")
 

@@ -1,4 +1,4 @@
-"""Figures of the laboratory, readable in black and white: stability, overshoot, order, examples of the paper."""
+"""Figures of the laboratory, readable in black and white: stability, overshoot, order."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
     from tdint.analysis.assessment.order import ObservedOrder
-    from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
     from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
     from tdint.analysis.chart.work_precision import Chart, Point
 
@@ -46,7 +45,6 @@ _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
 _ROUNDING = 1e-9  # what a spectral radius may lie above 1
 _TALLEST = 1e4  # what runs away is cut here
-_NEAR = 3  # steps on both sides of the peak that a close-up shows
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
@@ -112,10 +110,15 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     return figure
 
 
-def order_picture(measured: Sequence[ObservedOrder]) -> Figure:
-    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency."""
+def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
+    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
+
+    The title begins with a `name`, if there is one.
+    """
     several = len({order.frequency_ratio for order in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
-    return _draw_orders(measured) if several else _draw_order_chart(measured)
+    figure = _draw_orders(measured) if several else _draw_order_chart(measured)
+    add_title(figure, name + _order_title(measured))
+    return figure
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
@@ -162,6 +165,29 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
         _plot(axes, curve.dt_over_t, curve.spectral_radius, {**style, "label": label})
     _frame_radius(axes, curves)
     axes.legend(loc="best")
+
+
+def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str) -> Figure:
+    """One quantity of stability over dt/T: `spectral_radius`, `period_error` or `numerical_damping`."""
+    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    axes = figure.subplots()
+    lines = []
+    for curve, style in zip(curves, _curve_styles(curves), strict=True):
+        values = getattr(curve, quantity)
+        if quantity == "spectral_radius":
+            lines += _plot(axes, curve.dt_over_t, values, style)
+        else:
+            near = curve.dt_over_t <= _ACCURACY_RANGE * 1.01
+            lines += _plot(axes, curve.dt_over_t[near], 100.0 * values[near], style)
+    if quantity == "spectral_radius":
+        _frame_radius(axes, curves)
+    elif quantity == "period_error":
+        _frame_accuracy(axes, "period error (%)", -20.0, 60.0)
+    else:
+        _frame_accuracy(axes, "numerical damping ratio (%)", -2.0, 20.0)
+    add_legend(figure, axes, lines, _curve_labels(curves), _NARROW)
+    add_title(figure, title)
+    return figure
 
 
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
@@ -219,8 +245,10 @@ def _frame_steps(axes: Any) -> None:
 
 def _overshoot_title(motions: Sequence[Overshoot], short: dict[str, str]) -> str:
     first = motions[0]
+    spring = "" if first.law == "linear" else f", {first.law} spring"
     text = (
-        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}, over the exact amplitude\n"
+        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}{spring}, "
+        "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
     return f"{short[first.method]}\n{text}" if len(short) == 1 else text
@@ -248,7 +276,6 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
     add_legend(figure, upper, lines, [short[method] for method in methods], _NARROW)
-    add_title(figure, _order_title(measured))
     return figure
 
 
@@ -280,7 +307,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     columns = legend_columns(labels, 4)
     figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))
     figure.legend(loc="outside lower center", ncols=columns, handlelength=1.2)
-    add_title(figure, _order_title(measured))
     return figure
 
 
@@ -297,64 +323,6 @@ def _order_title(measured: Sequence[ObservedOrder]) -> str:
     if len({order.method for order in measured}) == 1:
         return f"{short_labels([first.method])[first.method]}\n{text}"
     return text
-
-
-def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
-    """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
-
-    Parameters
-    ----------
-    about : str
-        What the example is, in a line.
-    runs : sequence of ExampleRun
-        Of one example and one step; at least one of them ended. Variants are left out.
-    shown : ExampleFigure
-        Which one.
-    exact : str
-        What is called exact: its name in the legend.
-    reference : str
-        Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
-    """
-    runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
-    wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
-    time = runs[0].motion.time
-    true = runs[0].exact(reference).displacement[:, shown.floor - 1]
-    displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
-    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
-    near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
-    labels = list(short_labels([run.method for run in runs]).values())
-    lines: dict[str, Any] = {}
-    for axes, part in ((wide, slice(None)), (close, near)):
-        if not shown.is_error:
-            (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        lines |= _draw_motions(axes, time[part], [motion[part] for motion in values], labels, marked=axes is close)
-    quantity = "|u - u_exact|" if shown.is_error else "displacement u"
-    wide.set_ylabel(f"{quantity} (m)", parse_math=False)
-    wide.set_xlim(time[0], time[-1])
-    wide.axvline(time[peak], color="0.3", linewidth=0.8)
-    close.set_title(f"close-up at {time[peak]:.4g} s")
-    close.xaxis.set_major_locator(MaxNLocator(3))
-    if shown.is_error:
-        for axes in (wide, close):
-            axes.set_ylim(bottom=0.0)
-    add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
-    beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
-    floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
-    return figure
-
-
-def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
-    """A line for each method; with markers at every step, or at some. Lines by label."""
-    lines = {}
-    for motion, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
-        marks = {"markevery": 1} if marked else {}
-        (line,) = axes.plot(time, motion, **{**style, **marks}, linewidth=0.8)
-        lines[label] = line
-    axes.set_xlabel("time (s)")
-    return lines
 
 
 # ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
@@ -648,12 +616,14 @@ def _footnote(drawing: _Drawing) -> str:
     chart, reference = drawing.chart, drawing.chart.reference
     gap = reference.gap.of(drawing.target)
     whose = "record" if chart.recorded else "model"
+    chosen = "; by tolerance: of the whole run" * any(math.isnan(p.dt) and PEER not in p.line for p in drawing.points)
     programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
     return "\n".join(
         wrap(
             f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
             f"{reference.dt:.3g} s, from which {reference.confirmed_by} differs by {gap:.1e}; times: "
-            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}; {', '.join(programs)}",
+            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}{chosen}; "
+            f"{', '.join(programs)}",
             _FOOT,
         )
     )

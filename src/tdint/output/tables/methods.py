@@ -87,8 +87,8 @@ OVERSHOOT = (
     _DT_OVER_T,
     Column("start", "text", "start", "what the oscillator starts from"),
     Column("step", "1", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
-    Column("displacement", "1", "displacement", "over the amplitude of the exact motion"),
-    Column("velocity", "1", "velocity", "over omega times that amplitude"),
+    Column("displacement", "1", "displacement", "over the largest one of the exact motion"),
+    Column("velocity", "1", "velocity", "over the largest one of the exact motion"),
     Column(
         "displacement_power",
         "1",
@@ -101,6 +101,7 @@ OVERSHOOT = (
         lambda one: _power(one.velocity_power),
         "power of omega dt in the first step's velocity times dt; empty where the step leaves nothing of it",
     ),
+    Column("law", "text", "law", "restoring force of the oscillator"),
 )
 
 
