@@ -131,14 +131,16 @@ DRAWN = {
     "adrs spectrum": "spectrum motion.mseed --axes adrs",
     "inelastic spectrum": "spectrum other.mseed --ductility 2,4 --periods 0.1:3:10",
     "rotated spectrum": "spectrum motion.mseed --rotd 0,50,100",
-    "spectrum against another": "spectrum motion.mseed --component HNE --scale 1.05 --against published.csv --against-column psa_m_s2",
+    "spectrum against another": "spectrum motion.mseed --component HNE --scale 1.05 --against published.csv "
+    "--against-column psa_m_s2",
     "target": f"spectrum --target {SPECTRUM}",
     "drift spectrum": "drift-spectrum other.mseed",
     "campaign": "campaign study.yaml -o out --limit 2%",
     "report of a campaign": "campaign study.yaml -o out --report page.html",
     "scale": f"scale motion.mseed --target {SPECTRUM}",
     "ida": "ida shaken.yaml motion.mseed --threshold 2%",
-    "sensitivity": "sensitivity shaken.yaml motion.mseed --vary damping=2%:5%,mass_factor=0.9:1.1,story\\ 2.stiffness_factor=0.8:1.2",
+    "sensitivity": "sensitivity shaken.yaml motion.mseed "
+    "--vary damping=2%:5%,mass_factor=0.9:1.1,story\\ 2.stiffness_factor=0.8:1.2",
     "fragility": "fragility stripes.csv",
     "stability": "stability",
     "stability beside 1/144": "stability --beta-scan",

@@ -27,7 +27,7 @@ from tdint.units import SI, OutputUnits, parse_output_units
 
 # ---- What a store is of: all that its runs depend on, and in words how two of them differ
 
-_MOST_DIFFERENCES = 8
+_MOST_DIFFERENCES = 8  # lines of a message that are still read
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,7 @@ def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
 
 # ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
 
-_MOST = 4
+_MOST = 4  # modes that are marked: higher ones crowd
 _MARKED = 20  # floors that have markers
 
 
