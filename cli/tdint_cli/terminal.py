@@ -163,7 +163,7 @@ def _discard_from_now_on() -> None:
     os.close(nowhere)
 
 
-_PARTS = 1000
+_PARTS = 1000  # of a bar: a tenth of a percent each
 
 Item = TypeVar("Item")
 
@@ -242,7 +242,7 @@ ENDING = tuple(
 """Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up. The exit code
 is what a shell reports of them, `AFTER_SIGNAL` and their number."""
 
-AFTER_SIGNAL = 128
+AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
 _NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|can't start new thread|out of memory")
@@ -344,21 +344,21 @@ def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
     def end(number: int, _: Any) -> None:
         came.append(number)
         sys.unraisablehook = lambda _: None  # Where nothing can be raised the watch ends the process, without a word.
-        for one in handled:
-            signal.signal(one, signal.SIG_IGN)
+        for ending in handled:
+            signal.signal(ending, signal.SIG_IGN)
         raise Ended
 
     handled: dict[signal.Signals, Any] = {}
     hook = sys.unraisablehook
     if threading.current_thread() is threading.main_thread():  # Elsewhere Python sets no handlers.
-        handled = {one: signal.getsignal(one) for one in ENDING if signal.getsignal(one) in _NOBODY_S}
-    for one in handled:
-        signal.signal(one, end)
+        handled = {ending: signal.getsignal(ending) for ending in ENDING if signal.getsignal(ending) in _NOBODY_S}
+    for ending in handled:
+        signal.signal(ending, end)
     try:
         yield
     finally:
-        for one, before in handled.items():
-            signal.signal(one, before)
+        for ending, before in handled.items():
+            signal.signal(ending, before)
         sys.unraisablehook = hook
 
 

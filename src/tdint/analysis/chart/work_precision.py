@@ -62,7 +62,7 @@ _WITH_BETWEEN = 1.7  # times the steps without these
 _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
-_SAME_COST = 1.1
+_SAME_COST = 1.1  # times on a shared machine scatter by 10 %
 _MORE_REPEATS = 4  # times the repeats that are asked for, at most
 _COMPILED, _PREPARED = 0.1, 0.25  # of all work, when the methods are compiled and when there is a reference
 

@@ -51,7 +51,7 @@ _GROUND = {
 }
 """S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and 3.3)."""
 
-_LEAST_ETA = 0.55
+_LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0  # s; beyond it stands Annex A
 _LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
 
@@ -467,7 +467,7 @@ def read_published(source: str | Path, damping: float, column: str | None = None
 
 def differences(spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool) -> list[SpectrumDifference]:
     """Computed spectra beside a published one."""
-    return [SpectrumDifference(one, published, published.at(one.periods, log_log)) for one in spectra]
+    return [SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log)) for spectrum in spectra]
 
 
 def _period_column(table: NamedTable) -> tuple[int, float]:

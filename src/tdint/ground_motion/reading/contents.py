@@ -34,10 +34,10 @@ LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
 
 _ZIP = b"PK\x03\x04"
-_MOST_MEMBERS = 2000
-_DEEPEST = 2
-_LONGEST_NAME = 120
-_PIECE = 2**20
+_MOST_MEMBERS = 2000  # of an archive: downloads of a suite have tens to hundreds
+_DEEPEST = 2  # archives in archives: databases pack one level
+_LONGEST_NAME = 120  # letters that a message shows
+_PIECE = 2**20  # bytes read at a time
 
 _GROUP = "obspy.plugin.waveform"
 
@@ -294,7 +294,9 @@ def plugins() -> tuple[Plugin, ...]:
 def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
     by_name = {(entry.group, entry.name): entry for entry in entries}
     for name in names:
-        is_format, read_format = (by_name.get((f"{_GROUP}.{name}", one)) for one in ("isFormat", "readFormat"))
+        is_format, read_format = (
+            by_name.get((f"{_GROUP}.{name}", function)) for function in ("isFormat", "readFormat")
+        )
         if is_format and read_format:
             yield Plugin(name, is_format, read_format)
 

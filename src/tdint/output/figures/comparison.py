@@ -72,28 +72,29 @@ def comparison_picture(
     """
     units = units.in_pictures
     rows = [
-        (one, floor, spectra)
-        for one in comparisons
-        for floor, spectra in reversed(list(zip(one.floors, one.spectra(periods, damping), strict=True)))
+        (comparison, floor, spectra)
+        for comparison in comparisons
+        for floor, spectra in reversed(list(zip(comparison.floors, comparison.spectra(periods, damping), strict=True)))
     ]
     left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
     if left_out:
         rows = sorted(rows, key=lambda row: row[1].correlation)[:_WORST]
-    figure = Figure(figsize=(7.5, 1.5 + 1.55 * len(rows) + 2.6 * bool(left_out)), layout="constrained")
+    high = 2.7 if is_narrow() else 1.55  # inches of a row; in one column of a page words take more of them
+    figure = Figure(figsize=(7.5, 1.5 + high * len(rows) + 2.6 * bool(left_out)), layout="constrained")
     top: Any = figure
     if left_out:
-        parts: Any = figure.subfigures(2, 1, height_ratios=(1.55 * len(rows), 2.6))
+        parts: Any = figure.subfigures(2, 1, height_ratios=(high * len(rows), 2.6))
         top, below = parts
         _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
     panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
-    for (one, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
-        event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
+    for (comparison, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
+        event = record_name(comparison.event.recording.source) if len(comparisons) > 1 else ""
         _draw_histories(history, floor, units)
-        history.set_xlim(*_shaken(one))
+        history.set_xlim(*_shaken(comparison))
         history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
         history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor, units)
-        close.set_xlim(*_strongest(one))
+        close.set_xlim(*_strongest(comparison))
         close.tick_params(labelleft=False)
         _draw_spectra(spectrum, spectra, units)
     panels[-1, 1].set_xlabel("time (s)")
@@ -106,26 +107,26 @@ def comparison_picture(
     return figure
 
 
-def _title(one: Comparison, left_out: int) -> str:
-    band = one.event.recording.band
-    what = f"{one.response.model.name} beside {record_name(one.event.recording.source)}"
-    how = [f"{one.response.method}, dt {one.response.dt:.4g} s"]
+def _title(comparison: Comparison, left_out: int) -> str:
+    band = comparison.event.recording.band
+    subject = f"{comparison.response.model.name} beside {record_name(comparison.event.recording.source)}"
+    how = [f"{comparison.response.method}, dt {comparison.response.dt:.4g} s"]
     if band:
         how.append(f"{band[0]:g} to {band[1]:g} Hz")
-    if one.shift:
-        how.append(f"recordings shifted by {one.shift:.4g} s")
+    if comparison.shift:
+        how.append(f"recordings shifted by {comparison.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return f"{what}\n{', '.join(how)}"
+    return f"{subject}\n{', '.join(how)}"
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a single one."""
     above, below = panels
-    for place, one in enumerate(comparisons, start=1):
-        for floor in one.floors:
+    for place, comparison in enumerate(comparisons, start=1):
+        for floor in comparison.floors:
             x = place if len(comparisons) > 1 else floor.floor
-            dark = "0.15" if floor is one.floors[-1] else LIGHT
+            dark = "0.15" if floor is comparison.floors[-1] else LIGHT
             above.plot([x], [floor.correlation], "o", color=dark, markersize=3.0)
             below.plot([x], [floor.peak_ratio], "o", color=dark, markersize=3.0)
     above.set_ylabel("correlation")
@@ -149,24 +150,28 @@ def _agreement(floor: FloorComparison, event: str) -> str:
     return f"{place}: correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
 
 
-def _shaken(one: Comparison) -> tuple[float, float]:
+def _shaken(comparison: Comparison) -> tuple[float, float]:
     """The times between which the floors were shaken, s."""
     ends = []
-    for floor in one.floors:
+    for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
         ends += [floor.time[int(np.searchsorted(energy, part * energy[-1]))] for part in _ENERGY]
-    return (min(ends), max(ends)) if min(ends) < max(ends) else (one.floors[0].time[0], one.floors[0].time[-1])
+    return (
+        (min(ends), max(ends))
+        if min(ends) < max(ends)
+        else (comparison.floors[0].time[0], comparison.floors[0].time[-1])
+    )
 
 
-def _strongest(one: Comparison) -> tuple[float, float]:
+def _strongest(comparison: Comparison) -> tuple[float, float]:
     """Some cycles around the largest recorded value of the highest floor, s."""
-    floor = one.floors[-1]
+    floor = comparison.floors[-1]
     crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     peak = int(np.argmax(np.abs(floor.recorded)))
     middle = int(np.searchsorted(crossings, peak))
     near = crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
     if near.size < 2:
-        return _shaken(one)
+        return _shaken(comparison)
     return float(floor.time[near[0]]), float(floor.time[near[-1]])
 
 
@@ -180,7 +185,7 @@ def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
 
 # ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
 
-_MOST = 4
+_MOST = 4  # modes that are marked: higher ones crowd
 _MARKED = 20  # floors that have markers
 
 
@@ -480,7 +485,7 @@ _LARGEST_RATIO = 30.0  # ratio of costs at which a panel ends
 _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
 """Widths of the lines that readers look for: ours, and what most programs do."""
 
-_PROFILE_FOOT = 110  # characters in a line of the foot
+_PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in one column of a page
 _IN_THREE = 31  # labels that fit into three columns
 
 
@@ -496,13 +501,14 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
     tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
-    figure = Figure(figsize=(7.5, 5.4), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True, sharey=True)
+    narrow = is_narrow()
+    figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
+    panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = {line: _profile_look(number, line) for number, line in enumerate(chart.lines)}
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda one: _BOLD.get(one.method, 0.0)):
+        for profile in sorted(shown, key=lambda profile_of_method: _BOLD.get(profile_of_method.method, 0.0)):
             # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems
@@ -524,8 +530,8 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     order = [line for line in chart.lines if line in handles]
     add_legend(figure, panels[0, 0], [handles[line] for line in order], order, _IN_THREE)
     for legend in figure.legends:  # none for one method
-        foot = wrap(_profile_foot(chart), _PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + 0.14 * len(foot))
+        foot = wrap(_profile_foot(chart), _NARROW_FOOT if narrow else _PROFILE_FOOT)
+        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
     add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
