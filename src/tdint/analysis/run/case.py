@@ -55,9 +55,9 @@ _COMMON = 0.75
 drifts in frames 1.2, 1.2 and 1.1 % are then off by more than twice what is told with a half, .8, .5 and .9 % with
 this; of all told errors 17 % are more than twice the true one in place of 14."""
 
-_FAINT = 0.2
+_FAINT, _FAINT_LINEAR = 0.2, 0.1
 """Part of the largest of the stories' errors, over the peak, below which none is corrected: of the largest one the
-correction leaves a tenth in one run of ten, and of others as much."""
+correction leaves a tenth in one run of ten, and of others as much; more where stories have kinks."""
 
 _OF_STRUGGLE = 0.25
 """Part of what the usual passes of the error's iteration left to correct that is told of it, though more of them have
@@ -122,9 +122,9 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
 
     An error is what the corrected peak differs by, and what steps whose iteration did not settle left to correct. By
     accident it may all but vanish at a peak, or at the end: none is taken for less than a part of the middle story's,
-    that of a residual drift for less than a part of what it swings by. A peak is corrected only where its correction is
-    all of its error: not by less than it is told to be in doubt by, nor by what is small beside the other stories'
-    errors, for that is what a correction leaves of them.
+    that of a residual drift for less than a part of what it swings by. A peak is not corrected by what is small
+    beside the other stories' errors, for that is what a correction leaves of them; nor, but in linear buildings, by
+    less than it is told to be in doubt by.
     """
     n = building.stories
     first = error_peaks(building.modal.shape[0])
@@ -148,8 +148,11 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
         by_accident = off > _ROUNDING * size  # else there is none: the start is given
         off = np.where(by_accident, not_by_accident(off, size), off)
         errors[name] = np.maximum(off, np.maximum((_ROUNDING + left) * size, getattr(doubt, name)))
-        told_by_it = (shifts[name] >= errors[name]) & (relative >= max(_FAINT * float(np.max(relative)), unsure))
-        taken[name] = np.where(told_by_it, shifted, computed)
+        if building.linear:
+            sure = relative >= _FAINT_LINEAR * np.max(relative)
+        else:
+            sure = (shifts[name] >= errors[name]) & (relative >= max(_FAINT * float(np.max(relative)), unsure))
+        taken[name] = np.where(sure, shifted, computed)
     told = StoryErrors(**errors)
     story, time = int(space.report[at.DOUBTFUL_STORY]), float(space.report[at.DOUBTFUL_TIME])
     doubtful = (story, time) if story else None

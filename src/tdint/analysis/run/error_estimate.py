@@ -3,7 +3,7 @@
 A run of moment4 carries its error along (`tdint.kernels.equations.carried.error`). Below 1e-3 of the peak drift the
 run's own peaks are off by no more than 1.25 times the estimate in 96 of 100 runs, and the corrected ones by less than
 the estimate in 98; up to 1e-2 it is right within a factor of 3; above, the step is too long for it to tell. A peak
-whose correction is not all of its told error stays as computed.
+whose correction is not all of its told error stays as computed, but in linear buildings.
 
 It is in doubt, too, where the drifts' error is small beside that of the other motions: where it passes zero at the
 peaks, what the run does not know of it is what is left. And where a law decides something for good by less than the

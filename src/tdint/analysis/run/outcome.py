@@ -187,7 +187,7 @@ class ErrorEstimate:
         How the step was chosen, if it was for a tolerance.
     corrected : StoryPeaks or None
         The peaks of the motion that is corrected by the error carried along, by the run or by one with a smaller step:
-        nearer to the truth. A peak whose correction is not all of its told error stays as computed. None where the
+        nearer to the truth. A peak that is not surely corrected stays as computed. None where the
         error comes from repetitions.
     left : StoryErrors or None
         What the corrected peaks may be off by: the told errors of the run that carried its error along.
