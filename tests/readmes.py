@@ -313,7 +313,8 @@ _TIME = re.compile(r"[\d.e-]+ (us|ms|s)\b(?= per step)")
 
 
 def same(printed, shown):
-    """Whether two outputs agree but for times, the last digit, and what machines round differently (1e-4 of a number, 1e-14 of one)."""
+    """Whether two outputs agree but for times, the last digit, and what machines round differently: 1e-4 of a number,
+    1e-14 of one."""
     printed, shown = (_TIME.sub("", text) for text in (printed, shown))
     if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
         return False

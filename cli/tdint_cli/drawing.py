@@ -129,7 +129,7 @@ def _folder(cells: Sequence[str]) -> str:
     if len(cells) < 2 or not all(_FOLDER in cell for cell in cells):
         return ""
     first, last = min(cells), max(cells)  # what these begin with alike, all do
-    same = next((i for i, (one, other) in enumerate(zip(first, last, strict=False)) if one != other), len(first))
+    same = next((i for i, (part, other) in enumerate(zip(first, last, strict=False)) if part != other), len(first))
     return first[: first.rfind(_FOLDER, 0, same) + 1]
 
 
@@ -183,8 +183,8 @@ def _shortened(text: str, room: int) -> str:
 def _keys(columns: Sequence[tuple[bool, int]], width: int) -> int:
     """How many columns name the row: texts at the start that leave most of the screen, but one at least."""
     used = 0
-    for count, (text, own) in enumerate(columns):
-        used += own + len(_GAP)
+    for count, (text, letters) in enumerate(columns):
+        used += letters + len(_GAP)
         if not text or used > width // 3:
             return max(1, count)
     return 1

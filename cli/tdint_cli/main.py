@@ -93,10 +93,10 @@ class LazyGroup(HelpAsData, click.Group):
         if name not in COMMANDS and not name.startswith("-"):
             hint = did_you_mean(name, COMMANDS) or f"; the commands are {', '.join(COMMANDS)}"
             raise click.UsageError(f"No such command {name!r}{hint}", ctx)
-        found, command, rest = super().resolve_command(ctx, args)
+        full, command, rest = super().resolve_command(ctx, args)
         if command:
-            ctx.ensure_object(Settings).options = frozenset(one for option in command.params for one in option.opts)
-        return found, command, rest
+            ctx.ensure_object(Settings).options = frozenset(flag for option in command.params for flag in option.opts)
+        return full, command, rest
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, COMMANDS))

@@ -347,21 +347,21 @@ def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
     def end(number: int, _: Any) -> None:
         came.append(number)
         sys.unraisablehook = lambda _: None  # Where nothing can be raised the watch ends the process, without a word.
-        for one in handled:
-            signal.signal(one, signal.SIG_IGN)
+        for ending in handled:
+            signal.signal(ending, signal.SIG_IGN)
         raise Ended
 
     handled: dict[signal.Signals, Any] = {}
     hook = sys.unraisablehook
     if threading.current_thread() is threading.main_thread():  # Elsewhere Python sets no handlers.
-        handled = {one: signal.getsignal(one) for one in ENDING if signal.getsignal(one) in _NOBODY_S}
-    for one in handled:
-        signal.signal(one, end)
+        handled = {ending: signal.getsignal(ending) for ending in ENDING if signal.getsignal(ending) in _NOBODY_S}
+    for ending in handled:
+        signal.signal(ending, end)
     try:
         yield
     finally:
-        for one, before in handled.items():
-            signal.signal(one, before)
+        for ending, before in handled.items():
+            signal.signal(ending, before)
         sys.unraisablehook = hook
 
 

@@ -74,7 +74,7 @@ class CsvTable:
         if not self.rows:
             raise self.error(f"{self.source}: has no rows below its header; {self.needs}")
         place = self.header.index(name.lower())
-        found = []
+        texts = []
         for line, cells in self.rows:
             if self.overfull(cells):
                 raise self.error(
@@ -84,19 +84,19 @@ class CsvTable:
             text = text[1:] if _OF_A_TABLE.match(text) else text
             if not text and not empty:
                 raise self.error(f"{self.source}:{line}: {name} is missing")
-            found.append(text)
-        return found
+            texts.append(text)
+        return texts
 
     def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
         """The cells of a column as finite numbers; with `empty` nan for a cell without one."""
         what = "a positive number" if positive else "a number"
-        found = []
+        numbers = []
         for line, text in self.lines(name, empty=empty):
             value = number(text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
                 raise self.error(f"{self.source}:{line}: {name} {no_number(text, what)}")
-            found.append(value)
-        return found
+            numbers.append(value)
+        return numbers
 
     def truths(self, name: str) -> list[bool]:
         """The cells of a column of true and false; false where there is no such column."""

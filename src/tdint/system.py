@@ -129,12 +129,12 @@ def _is_own(home: Path, folder: Path) -> bool:
     if not hasattr(os, "getuid"):
         return True
     try:
-        own, above = folder.lstat(), home.stat()
+        itself, above = folder.lstat(), home.stat()
     except OSError:
         return False
-    closed = stat.S_ISDIR(own.st_mode) and not own.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    closed = stat.S_ISDIR(itself.st_mode) and not itself.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     kept = not above.st_mode & stat.S_IWOTH or bool(above.st_mode & stat.S_ISVTX)
-    return own.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
+    return itself.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
 
 
 # ---- What is kept between runs, in one folder of the user: compiled kernels, reference solutions
@@ -172,14 +172,14 @@ def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
     import shutil
 
     limit = time.time() - days * 86400.0
-    for one in keep.parent.glob(pattern):
+    for folder in keep.parent.glob(pattern):
         with suppress(OSError):
-            if one == keep or one.stat().st_mtime >= limit:
+            if folder == keep or folder.stat().st_mtime >= limit:
                 continue
-            if one.is_dir():
-                shutil.rmtree(one, ignore_errors=True)
+            if folder.is_dir():
+                shutil.rmtree(folder, ignore_errors=True)
             else:
-                one.unlink()
+                folder.unlink()
 
 
 # ---- File systems
@@ -412,8 +412,8 @@ def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int)
             if not running:
                 return
             finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
-            for one in finished:
-                yield one.result()
+            for future in finished:
+                yield future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -443,7 +443,7 @@ def version_of_sources() -> tuple[str, str]:
         files = ()
     packed = {file.as_posix(): file.hash.value for file in files if file.hash}
     released = all(
-        packed.get(f"{folder.name}/{name}") == urlsafe_b64encode(found.digest()).rstrip(b"=").decode()
-        for name, found in digests.items()
+        packed.get(f"{folder.name}/{name}") == urlsafe_b64encode(digest.digest()).rstrip(b"=").decode()
+        for name, digest in digests.items()
     )
     return (__version__ if released else f"{__version__}+sources.{of_all[:8]}"), of_all[:16]

@@ -72,7 +72,7 @@ def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | Non
         kind = ast.parse(written, mode="eval").body
         values = value.values() if isinstance(value, dict) and of_one else value if of_one else (value,)
         got = reprlib.repr(value)
-        if not all(_is_of(one, kind) for one in values):
+        if not all(_is_of(item, kind) for item in values):
             return UsageError(f"{function}: {parameter.name} must be {_in_words(kind)}, got {got}")
         if anything is None and any(_is_open(part) for part in ast.walk(kind)):
             anything = UsageError(f"{function}: {parameter.name} cannot be used as it is, got {got}")
@@ -98,17 +98,17 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
             several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
             several = several and getattr(value, "ndim", 1) > 0
-            return several and (not hasattr(value, "__len__") or all(_is_of(one, member) for one in value))
+            return several and (not hasattr(value, "__len__") or all(_is_of(item, member) for item in value))
         case ast.Subscript(value=ast.Name(id="NDArray")):
             return getattr(value, "ndim", 0) == 1
         case ast.Name(id="Array"):
             row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
-            return row and len(value) > 0 and all(isinstance(one, numbers.Real) for one in value)
+            return row and len(value) > 0 and all(isinstance(item, numbers.Real) for item in value)
         case ast.Name(id=name) if name in _KINDS:
             truth = type(value).__name__ in ("bool", "bool_")
             return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
         case ast.Name(id=name):
-            return _is_open(kind) or callable(value) or name in [one.__name__ for one in type(value).__mro__]
+            return _is_open(kind) or callable(value) or name in [item.__name__ for item in type(value).__mro__]
     return True
 
 

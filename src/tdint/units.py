@@ -231,14 +231,14 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
     for name, member in vars(declaring).items():
         if isinstance(member, property) and "Quantity" in str(member.fget.__annotations__.get("return", "")):
             hints[name] = get_type_hints(member.fget, place, include_extras=True)["return"]
-    found = []
+    declared = []
     for name in getattr(declaring, "columns", hints):
         hint = hints[name]
-        for one in getattr(hint, "__metadata__", ()):
-            if isinstance(one, Quantity):
+        for stated in getattr(hint, "__metadata__", ()):
+            if isinstance(stated, Quantity):
                 kind = (*get_args(hint.__origin__), hint.__origin__)[0]
-                found.append(replace(one, name=name, kind=kind if kind in (int, str) else one.kind))
-    return tuple(found)
+                declared.append(replace(stated, name=name, kind=kind if kind in (int, str) else stated.kind))
+    return tuple(declared)
 
 
 # ---- Units that results are written in, in place of SI: how names of columns and keys, and numbers, change with them
@@ -266,7 +266,7 @@ class OutputUnits:
     def unit(self, si: str) -> tuple[str, float]:
         """The unit that stands for an SI unit, and its value in SI: `unit("m/s^2")` is `("g", 9.80665)`."""
         length, force = LENGTH[self.length], FORCE[self.force]
-        own = {
+        chosen = {
             "m": (self.length, length),
             "m/s": (self.velocity or f"{self.length}/s", VELOCITY.get(self.velocity, length)),
             "m/s^2": (self.acceleration or f"{self.length}/s^2", ACCELERATION.get(self.acceleration, length)),
@@ -276,8 +276,8 @@ class OutputUnits:
             "J": (f"{self.force}*{self.length}", force * length),
         }
         if (self.force, self.length) == ("N", "m"):
-            own["J"] = ("J", 1.0)
-        return own.get(si, (si, 1.0))
+            chosen["J"] = ("J", 1.0)
+        return chosen.get(si, (si, 1.0))
 
     def of(self, value: Any, si: str) -> Any:
         """A number or an array that is given in an SI unit, in the unit that stands for it."""
@@ -322,13 +322,13 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
     UsageError
         An unknown unit, or two of one quantity.
     """
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for word in (part.strip() for part in text.split(",")):
         unit = word if word in _UNITS else canonical(word)
         if unit not in _UNITS:
             hint = did_you_mean(word, _UNITS) or f"; known: {', '.join(_UNITS)}"
             raise UsageError(f"output units {text[:60]!r}: unknown unit {word[:40]!r}{hint}")
         quantity = _UNITS[unit]
-        if found.setdefault(quantity, unit) != unit:
-            raise UsageError(f"output units {text[:60]!r}: two units of {quantity}, {found[quantity]} and {unit}")
-    return replace(others, **found)
+        if units.setdefault(quantity, unit) != unit:
+            raise UsageError(f"output units {text[:60]!r}: two units of {quantity}, {units[quantity]} and {unit}")
+    return replace(others, **units)

@@ -76,7 +76,7 @@ class ValidationCase:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _without_computing, (
-            {one.name: getattr(self, one.name) for one in fields(self) if one.name != "computed"},
+            {field.name: getattr(self, field.name) for field in fields(self) if field.name != "computed"},
         )
 
 
@@ -92,13 +92,13 @@ def cases_of(
 ) -> tuple[ValidationCase, ...]:
     """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that a formula gives."""
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
-    found = []
+    cases = []
     for said in tomllib.loads(text)[group]:
         name = said["name"]
         published = tuple(said.pop("published", ())) or known[name]
         quantities = tuple(said.pop("quantities"))
-        found.append(ValidationCase(**said, published=published, quantities=quantities, computed=computed[name]))
-    return tuple(found)
+        cases.append(ValidationCase(**said, published=published, quantities=quantities, computed=computed[name]))
+    return tuple(cases)
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ def _bilinear_loop() -> Array:
 def closed_form_cases() -> tuple[ValidationCase, ...]:
     """Motions that are known exactly."""
     steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
-    known = {
+    closed_forms = {
         "free-vibration": (_freely(1.3),),
         "resonance": (_in_resonance(4.9),) * 2,
         "sudden-step": steps,
@@ -242,7 +242,7 @@ def closed_form_cases() -> tuple[ValidationCase, ...]:
         "energy-kept": (0.0,),
         "bilinear-loop": (4.0 * 0.95 * 10.0 * (0.03 - 0.01),),
     }
-    return cases_of("closed-form", _CLOSED_FORMS, known)
+    return cases_of("closed-form", _CLOSED_FORMS, closed_forms)
 
 
 _CLOSED_FORMS = {
@@ -339,8 +339,8 @@ def _forced_by_a_sine() -> Array:
 
 
 def _stripes() -> Array:
-    found = fit_stripes([0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8)
-    return np.array([found.theta, found.beta])
+    fit = fit_stripes([0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8)
+    return np.array([fit.theta, fit.beta])
 
 
 _TEXTBOOKS: dict[str, Callable[[], Array]] = {

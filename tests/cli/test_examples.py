@@ -47,16 +47,16 @@ def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, 
     """Titles and curves of what is drawn: no other floor, no velocity, no variant; errors as |u - u_exact|."""
     import numpy as np
 
-    from tdint.output.figures import assessment
+    from tdint.output.figures import examples
 
     drawn = []
-    draw = assessment.example_picture
+    draw = examples.example_picture
 
     def keep(*given, **named):
         drawn.append(draw(*given, **named))
         return drawn[-1]
 
-    monkeypatch.setattr(assessment, "example_picture", keep)
+    monkeypatch.setattr(examples, "example_picture", keep)
     assert tdint("examples", "2", "-o", "paper", "--reference", "finer").exit_code == 0
     titles = [" ".join(figure.get_suptitle().split()) for figure in drawn]  # however their lines are broken
     assert [title.rpartition(") ")[2] for title in titles] == [
@@ -70,6 +70,31 @@ def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, 
     assert len(methods) == 7
     for found, error in zip(methods, errors, strict=False):
         assert np.array_equal(error, np.abs(found - exact))
+
+
+@pytest.mark.usefixtures("laid_out")
+def test_all_sixteen_figures(here, tdint, monkeypatch):
+    """Those of methods and buildings, too: their titles, and that a building shows its masses and forces."""
+    from tdint.output.figures import assessment, examples
+
+    drawn = []
+    for module, name in ((assessment, "accuracy_picture"), (assessment, "order_picture"), (examples, "row_picture")):
+        draw = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *given, draw=draw: drawn.append(draw(*given)) or drawn[-1])
+    result = tdint("examples", "2", "-o", "paper", "--figures")
+    assert result.exit_code == 0
+    names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
+    assert names == [f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13))]
+    titles = [figure.get_suptitle().partition(":")[0] for figure in drawn]
+    assert titles == [f"Figure {number}" for number in (*range(1, 7), 9)]
+    beta = drawn[2].axes[0].get_lines()
+    assert [float(line.get_ydata().max()) > 1.0 + 1e-6 for line in beta[:5]] == [True, True, False, True, True]
+    words = [text.get_text() for text in drawn[-1].axes[0].texts]
+    assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(words)
+
+
+def test_figures_need_a_folder(tdint):
+    assert tdint("examples", "1", "--figures").exit_code == 2
 
 
 @pytest.mark.parametrize("reference", ["paper", "finer"])

@@ -1,11 +1,13 @@
 """One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard input."""
 
+import shlex
 from importlib import import_module
 
 import click
 import pytest
 
 from csv_rows import rows
+from tdint.output.printed import ON_SCREEN, parse_style
 from tdint_cli.main import COMMANDS, GROUPS, cli
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import _specifications
@@ -320,3 +322,22 @@ def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
     result = tdint("scale", "motion.mseed", "--pairs", "-q", "--pga", "0.3g")
     assert (result.exit_code, "--pairs needs a value, and -q is an option" in result.stderr) == (2, True)
     assert tdint("scale", "motion.mseed", "--units", "m/s^2", "--pga", "0.3g", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_of_before_name_what_does_their_work(name, tdint):
+    """Where the command has that; elsewhere there was none."""
+    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    own = {flag for option in command.params for flag in option.opts}
+    for before, (now, _) in grammar._FORMER.items():
+        assert before not in own
+        result = tdint(name, before, "90mm")
+        assert result.exit_code == 2
+        said = result.stderr.splitlines()
+        assert len(said) == 1
+        assert (f"{before} is now {now}: {now} " in said[0]) == (now in own), said
+
+
+@pytest.mark.parametrize(("now", "example"), [one for one in grammar._FORMER.values() if one[0] == "--style"])
+def test_what_does_their_work_is_a_style(now, example):
+    assert parse_style(shlex.split(example)[0]) != ON_SCREEN

@@ -14,7 +14,7 @@ from tdint_cli.commands import order
 COMMANDS = ("stability", "overshoot", "order")
 COLUMNS = {
     "stability": "method,damping,dt_over_t,spectral_radius,period_error,numerical_damping,amplitude_decay",
-    "overshoot": "method,damping,dt_over_t,start,step,displacement,velocity,displacement_power,velocity_power",
+    "overshoot": "method,damping,dt_over_t,start,step,displacement,velocity,displacement_power,velocity_power,law",
     "order": "method,load,law,frequency_ratio,displacement_order,velocity_order,acceleration_order,"
     "own_acceleration_order,displacement_error",
 }
@@ -223,6 +223,24 @@ def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
     assert result.exit_code == 0
     last = rows(result.stdout)[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
+
+
+def test_overshoot_in_nonlinear_motion(here, tdint):
+    """The rows are those of the function; the words tell what is passed, of whom, and who is left out."""
+    methods = ("newmark-average", "moment4", "impulse", "exact")
+    result = tdint("overshoot", "--method", ",".join(methods), "--law", "softening", "--plot", "x.png")
+    assert result.exit_code == 0
+    table = rows(result.stdout)
+    assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {("softening", "", "")}
+    largest = max(abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average")
+    lines = result.stderr.splitlines()
+    assert lines[0] == "note: exact is left out: it integrates linear buildings only"
+    told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
+    assert told["newmark-average"] == ["1", "0.391", f"{largest:.3g}", "1.63", "displacement and velocity"]
+    assert told["moment4:rho_inf=1.0"][-1] == "none"
+    refused = tdint("overshoot", "--method", "exact", "--law", "hardening")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert "exact integrates linear buildings only; not with --law hardening" in refused.stderr
 
 
 # ---- order

@@ -25,7 +25,7 @@ WORDS = {
     "src/tdint/campaign/README.md": 3500,
     "src/tdint/kernels/README.md": 600,
     "src/tdint/kernels/laws/README.md": 1600,
-    "src/tdint/methods/README.md": 3500,
+    "src/tdint/methods/README.md": 3700,
     "tests/README.md": 6000,
     "tests/benchmarks/README.md": 1500,
     "tests/validation/README.md": 4500,

@@ -109,12 +109,12 @@ class SuiteRequest:
             They cannot: so it is said before the work.
         """
         files = [self.picture(folder), Path(self.report) if self.report else None]
-        found = [file for file in files if file]
+        named = [file for file in files if file]
         try:
-            check_outputs(found, overwrite=overwrite)
+            check_outputs(named, overwrite=overwrite)
         except OutputError as error:
             raise UsageError(str(error)) from None
-        return found
+        return named
 
 
 @dataclass(frozen=True)
@@ -171,10 +171,10 @@ class Profiles:
         from tdint.output.report import Told, suite_page
 
         request, limit = self.request, self.request.limit
-        said = [] if limit is None else [self._told(one, _verdict(one, limit)[0]) for one in self.found]
-        lost = [text for one in self.found if (text := self._lost(one))]
-        models = {one.source: one for one in plan.models}.values()
-        units, heads = {one.page_units for one in models}, {one.page_head for one in models}
+        said = [] if limit is None else [self._told(profile, _verdict(profile, limit)[0]) for profile in self.found]
+        lost = [text for profile in self.found if (text := self._lost(profile))]
+        models = {profile.source: profile for profile in plan.models}.values()
+        units, heads = {profile.page_units for profile in models}, {profile.page_head for profile in models}
         told = Told(
             said,
             [*(str(error) for error in plan.failures), *lost],
@@ -192,21 +192,21 @@ class Profiles:
             units=request.output_units or (units.pop() if len(units) == 1 else self.units),
         )
 
-    def _told(self, one: Profile, text: str) -> str:
-        name = _name(one, self.found)
+    def _told(self, profile: Profile, text: str) -> str:
+        name = _name(profile, self.found)
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
-    def _lost(self, one: Profile) -> str:
+    def _lost(self, profile: Profile) -> str:
         """What the means of a building do not hold; nothing if it stood under every motion."""
-        lost = {"collapsed": one.collapsed, "failed": one.failed}
-        told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
+        lost = {"collapsed": profile.collapsed, "failed": profile.failed}
+        told = " and ".join(f"{count} {kind}" for kind, count in lost.items() if count)
         if not told:
             return ""
-        left = len(one.motions)
+        left = len(profile.motions)
         others = f"{left} others" if left > 1 else "other"
         means = f"the means are those of the {others}" if left else "there is no mean"
-        name = _name(one, self.found) or one.building
-        return f"{name}: of {how_many(one.runs, 'motion')} {told}; {means}"
+        name = _name(profile, self.found) or profile.building
+        return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
         """Say what means do not hold, and what the mean drifts are beside the limit; both of all runs alone, for a mean
@@ -227,17 +227,17 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        for one in self.found:
-            if text := self._lost(one):
+        for profile in self.found:
+            if text := self._lost(profile):
                 warn(text)
         if limit is None:
             return []
         self._need("--limit")
         beyond = []
-        for one in self.found:
-            text, within = _verdict(one, limit)
-            say(self._told(one, text))
-            beyond += [] if within else [_name(one, self.found) or one.building]
+        for profile in self.found:
+            text, within = _verdict(profile, limit)
+            say(self._told(profile, text))
+            beyond += [] if within else [_name(profile, self.found) or profile.building]
         for kind, reasons in self.store.unused().items():
             beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
@@ -247,8 +247,8 @@ class Profiles:
 
 def _name(profile: Profile, among: list[Profile]) -> str:
     """Building and level, as far as they tell it from others."""
-    parts = [profile.building] if len({one.building for one in among}) > 1 else []
-    levels = {(repr(one.scale), repr(one.level)) for one in among}
+    parts = [profile.building] if len({other.building for other in among}) > 1 else []
+    levels = {(repr(other.scale), repr(other.level)) for other in among}
     if len(levels) > 1:
         parts.append(profile.level_text)
     return ", ".join(parts)
@@ -347,8 +347,8 @@ def check_names(folder: Path, request: SuiteRequest) -> list[Path]:
     from tdint.campaign.store import FILE
 
     begun = (folder / FILE).exists()
-    wanted = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
-    names = [folder / name for name, asked in wanted.items() if asked]
+    asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
+    names = [folder / name for name, asked in asked_of.items() if asked]
     named = request.named_files(folder, overwrite=request.overwrite or begun)
     check_outputs(names, overwrite=request.overwrite or begun)
     return [*named, *names]
@@ -454,24 +454,24 @@ def _of_suite(folder: Path, profiles: Profiles | None, plan: Plan | None = None)
     picture = request.picture(folder)
     if not is_complete(store):
         return {}
-    found: dict[str, Content] = {str(picture.absolute()): profiles.draw(picture)} if picture else {}
+    contents: dict[str, Content] = {str(picture.absolute()): profiles.draw(picture)} if picture else {}
     if request.baseline is not None:
-        found[RATIOS] = profiles.ratios(stories=True).csv()
+        contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
-        return found
+        return contents
     of_floors, floors = request.of_floors.of_suite(
         plan, store, request.jobs, profiles.units, plot=request.plot is not None
     )
-    found |= of_floors
+    contents |= of_floors
     if request.report is not None:
-        found[str(Path(request.report).absolute())] = profiles.report(plan, floors)
+        contents[str(Path(request.report).absolute())] = profiles.report(plan, floors)
     if request.im:
         from tdint.campaign.fragility.measures import measured, run_measure
 
         measures = [run_measure(name) for name in request.im]
         table = tables.campaign.measures_table(measures, measured(plan, store, measures))
-        found[MEASURES] = table.in_units(profiles.units).csv()
-    return found
+        contents[MEASURES] = table.in_units(profiles.units).csv()
+    return contents
 
 
 def export(
@@ -496,8 +496,8 @@ def export(
     if geojson:
         check_map(store)
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
-    wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
-    others = {name: writer for name, writer in _exports(store, units, wanted).items() if writer}
+    exported = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
+    others = {name: writer for name, writer in _exports(store, units, exported).items() if writer}
     writers: dict[str, Content] = {**_runs(store, units), **_of_suite(folder, profiles), **others}
     by = profiles.request.by if profiles else None
     # What is written of a store says how its runs were made, as the last call that could add some told it.

@@ -223,12 +223,12 @@ def _shared(
     workers: Workers[Task, Result | TdintError],
 ) -> Iterator[Result | TdintError]:
     """The outcomes of processes in the order of the tasks; a process that is lost costs its own record only."""
-    own = [place for place, task in enumerate(tasks) if task.source == STDIN]  # Others have no standard input.
-    shared = [place for place in range(len(tasks)) if place not in own]
+    from_stdin = [place for place, task in enumerate(tasks) if task.source == STDIN]  # Others have no standard input.
+    shared = [place for place in range(len(tasks)) if place not in from_stdin]
     come = workers.outcomes([tasks[place] for place in shared])
     done: dict[int, Result | TdintError] = {}
     for place, task in enumerate(tasks):
-        if place in own:
+        if place in from_stdin:
             yield attempt(task)
             continue
         while place not in done:

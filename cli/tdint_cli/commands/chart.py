@@ -273,15 +273,15 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 def _doubts(chart: FieldChart) -> list[str]:
     """Problems whose references are not known well enough for all tolerances."""
-    found = []
-    for one in chart.measured:
-        known = {name: one.gap.of(name) for name in PEAKS if not one.judges(name, 1e-4)}
-        if known:
-            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in known.items())
-            found.append(
-                f"{one.name}, {one.motion}: the reference is known to {gaps}: not judged where that is too far"
+    doubts = []
+    for case in chart.measured:
+        doubtful = {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}
+        if doubtful:
+            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
+            doubts.append(
+                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
             )
-    return found
+    return doubts
 
 
 def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
@@ -307,13 +307,13 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
     problem = ending_together(problem, steps)
-    own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+    of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
-        return [(one.point.line, one.point.dt) if one.point else None for one in _advice(request, points)]
+        return [(advice.point.line, advice.point.dt) if advice.point else None for advice in _advice(request, points)]
 
     chart = measure(
-        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=own
+        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
     )
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
@@ -343,8 +343,11 @@ def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
     from tdint.output.summary import Advice
 
-    own = [point for point in points if tables.methods.PEER not in point.line]
-    return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
+    of_ours = [point for point in points if tables.methods.PEER not in point.line]
+    return [
+        Advice(limit, cheapest(of_ours, request.target, limit), ties(of_ours, request.target, limit))
+        for limit in LIMITS
+    ]
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -391,15 +394,15 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         error = point.error(request.target)
         return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
 
-    for one in advice:
-        what = f"For {100.0 * one.limit:g} % ({request.target}): "
-        if one.point:
-            say(f"{what}{one.point.line} with dt {one.point.dt:.6g} s, {cost(one.point)}.")
-            if one.ties:
-                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in one.ties)
+    for advised in advice:
+        goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
+        if advised.point:
+            say(f"{goal}{advised.point.line} with dt {advised.point.dt:.6g} s, {cost(advised.point)}.")
+            if advised.ties:
+                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in advised.ties)
                 say(f"As cheap, to what the clock tells apart: {others}.")
         else:
-            say(f"{what}none of these methods and steps; add smaller steps with --dt or --halvings.")
+            say(f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings.")
     whose = "record" if chart.recorded else "model"
     say(f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}.")
 

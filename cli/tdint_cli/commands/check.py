@@ -85,9 +85,9 @@ def command(
             waiting = [*(named or ()), *waiting]
         except (ModelError, RecordError) as error:
             failures.append(error)
-    for one in sound:
-        for text in one.warnings:
-            warn(f"{one.model.source}: {text}")
+    for subject in sound:
+        for text in subject.warnings:
+            warn(f"{subject.model.source}: {text}")
     if sound:
         emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
     if failures:
@@ -101,13 +101,13 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table
 
-    found = [load_plugin(file) for file in plugins]
-    checks = [check_method(parse(method.name)) for methods, _ in found for method in methods]
+    plugin_checks = [load_plugin(file) for file in plugins]
+    checks = [check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods]
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
-    if laws := [law.name for _, laws in found for law in laws]:
+    if laws := [law.name for _, laws in plugin_checks for law in laws]:
         note(f"to check the laws ({', '.join(laws)}) give a model with them, too")
-    if faults := [AnalysisError(fault) for one in checks for fault in one.faults]:
+    if faults := [AnalysisError(fault) for check in checks for fault in check.faults]:
         raise Failures([*faults])
 
 

@@ -249,23 +249,23 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     from tdint.output.tables.buildings import fitted_in
 
     acceleration, g = units.unit("m/s^2")
-    for one in comparisons:
-        event, run = one.event, one.response
+    for item in comparisons:
+        event, run = item.event, item.response
         band = event.recording.band
         say(
             f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
             + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
             + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
-            + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
+            + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")
         )
-        warn(*event.warnings, *one.response.warnings, *absolute_displacements(one))
+        warn(*event.warnings, *item.response.warnings, *absolute_displacements(item))
     if fitted:
-        values = [fitted_in(one, units) for one in fitted.values]
-        changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in values]
+        values = [fitted_in(item, units) for item in fitted.values]
+        changes = [f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}" for item in values]
         more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
         say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
-    note(*dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)))
+    note(*dict.fromkeys(text for item in comparisons for text in (*item.event.notes, *item.response.notes)))
     note(*(fitted.notes if fitted else ()))
 
 
@@ -273,6 +273,6 @@ def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
     """Raise AnalysisError for what does not come up to the requirements; all is written before."""
     from tdint.analysis.compare import unmet
 
-    faults = [fault for one in comparisons for fault in unmet(one, request.require or ())]
+    faults = [fault for comparison in comparisons for fault in unmet(comparison, request.require or ())]
     if faults:
         raise AnalysisError("; ".join(faults))

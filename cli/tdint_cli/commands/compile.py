@@ -74,19 +74,19 @@ def command(request: Request) -> None:
 
     if request.output:
         check_outputs([Path(request.output) / "objects"], overwrite=True)
-    wanted = of_everything() if request.everything else []
+    kernels = of_everything() if request.everything else []
     for file in request.models:
         model = load_model(file)
-        wanted += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
+        kernels += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
     if request.show:
         emit(
-            "".join(",".join(row) + "\n" for row in [("loop", "variant", "object", "origin"), *shown(wanted)]).encode()
+            "".join(",".join(row) + "\n" for row in [("loop", "variant", "object", "origin"), *shown(kernels)]).encode()
         )
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None
         written = compile_ahead(
-            wanted, request.targets or ("native",), folder, lambda part: progress("compiling", part)
+            kernels, request.targets or ("native",), folder, lambda part: progress("compiling", part)
         )
     if not written:
         say("All of it is compiled already.")

@@ -5,24 +5,41 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.analysis.defaults import BETAS
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.units import SI
+from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import Number
 from tdint_cli.terminal import note, say, say_table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from tdint.analysis.assessment.paper_examples import Example, ExampleRun
     from tdint.files import Content
 
 _CONFIRMS = "gauss4"
 _WIDTH = 100
+
+_LABORATORY = {
+    1: ("spectral_radius", 0.0, "spectral radius of one step, no damping"),
+    2: ("spectral_radius", 0.05, "spectral radius of one step, damping ratio 0.05"),
+    3: ("spectral_radius", 0.0, "spectral radius of impulse with other values of beta, no damping"),
+    4: ("period_error", 0.0, "period error, no damping"),
+    5: ("numerical_damping", 0.0, "numerical damping ratio, no damping"),
+}
+"""Of the figures 1 to 5 the quantity, the damping ratio, and the title."""
+
+_BETA_FIGURE, _ORDER_FIGURE = 3, 6
+_STEPS = Grid(0.01, 100.0, 600)  # dt/T
+_RATIOS = Grid(0.2, 5.0, 15)  # of the load's frequency over the natural one, as `tdint order` takes them
 
 
 @options.request
@@ -55,13 +72,21 @@ class Request:
         common=True,
         help="Of the figures; png by default.",
     )
+    all_figures: bool = options.output.option(
+        "--figures",
+        needs="-o",
+        is_flag=True,
+        common=True,
+        help="Draw all sixteen figures: those of stability, accuracy and order (1 to 6) and the buildings of examples "
+        "2 and 3 (9, 13), too.",
+    )
     overwrite: bool = options.output.overwrite
 
 
 @options.command(
     "examples",
-    "tdint examples 1",
     "tdint examples 1 --method impulse,newmark-average -o example",
+    "tdint examples 1 -o paper --figures",
 )
 @options.analysis.plugin
 @options.output.style_of("-o")
@@ -83,37 +108,42 @@ def command(request: Request) -> None:
 
     With -o: example-1-errors.csv and so on, and the paper's figures by its numbers: 7 displacement of example 1, 8 its
     errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example 2, 12 the errors of floor 2; 14 and 15
-    displacements of masses 1 and 150 of example 3, 16 the errors of mass 1.
+    displacements of masses 1 and 150 of example 3, 16 the errors of mass 1. With --figures also 1 and 2 spectral radius
+    without damping and with 5 %, 3 that of impulse with other values of beta, 4 period error, 5 numerical damping, 6
+    observed order over the frequency of the load (1 to 5: their order is our reading), 9 and 13 the buildings.
     """
     from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
 
-    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
+    asked = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
     if folder:
         kind = f".{request.picture_format}"
         options.output.check_picture(Path(f"figure{kind}"))
-        outputs = [folder / name for example in wanted for name in _names(example, kind)]
+        more = _general_figures(asked, kind) if request.all_figures else {}
+        outputs = [folder / name for example in asked for name in _names(example, kind)]
+        outputs += [folder / name for name in more]
         check_outputs(outputs, overwrite=request.overwrite)
     integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
     steps = request.dts or (DT,)
-    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in wanted}
+    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in asked}
     if folder:
         files = {
             folder / name: writer
-            for example in wanted
+            for example in asked
             for name, writer in _files(example, runs[example], request.reference, kind)
         }
+        files |= {folder / name: writer for name, writer in more.items()}
         write_files(files, overwrite=request.overwrite)
         note(*(f"{file}: of an earlier call, left as it is" for file in outputs if file not in files and file.exists()))
-    emit_table(tables.methods.example_table([run for example in wanted for run in runs[example]], request.reference))
+    emit_table(tables.methods.example_table([run for example in asked for run in runs[example]], request.reference))
     usual = not request.methods and steps[0] == DT
-    for example in wanted:
+    for example in asked:
         _say_example(example, [run for run in runs[example] if run.dt == steps[0]], request.reference, remark=usual)
 
 
 def _names(example: Example, kind: str) -> list[str]:
     errors = f"example-{example.number}-errors"
-    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{one.number:02d}{kind}" for one in example.figures)]
+    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{figure.number:02d}{kind}" for figure in example.figures)]
 
 
 def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) -> list[tuple[str, Content]]:
@@ -124,9 +154,36 @@ def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) 
     if any(run.outcome == "done" and not run.variant for run in first):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
-        draw = partial(figures.assessment.example_picture, title, first, exact=exact, reference=reference)
+        draw = partial(figures.examples.example_picture, title, first, exact=exact, reference=reference)
         contents += [figures.style.picture(kind, partial(draw, figure)) for figure in example.figures]
     return list(zip(_names(example, kind), contents, strict=False))
+
+
+def _general_figures(wanted: Sequence[Example], kind: str) -> dict[str, Content]:
+    """The paper's figures that show no motion: methods on an oscillator, and the buildings of the wanted examples."""
+    drawings: dict[int, Callable[[], Any]] = {number: partial(_draw_laboratory, number) for number in range(1, 7)}
+    for example in wanted:
+        if example.drawn_as:
+            title = f"Figure {example.drawn_as}: example {example.number}, {example.about}"
+            drawings[example.drawn_as] = partial(figures.examples.row_picture, title, example.model)
+    return {f"figure-{number:02d}{kind}": figures.style.picture(kind, draw) for number, draw in drawings.items()}
+
+
+def _draw_laboratory(number: int) -> Any:
+    """One of the figures 1 to 6: the paper's methods on an oscillator without load, or under a harmonic one."""
+    from tdint.analysis.assessment.order import observed_order, order_problem
+    from tdint.analysis.assessment.paper_examples import METHODS
+    from tdint.analysis.assessment.stability import stability
+
+    if number == _ORDER_FIGURE:
+        problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
+        measured = [observed_order(method, one) for method in options.analysis.integrators(METHODS) for one in problems]
+        return figures.assessment.order_picture(measured, f"Figure {number}: ")
+    quantity, damping, about = _LABORATORY[number]
+    methods = [f"impulse:beta={beta}" for beta in BETAS] if number == _BETA_FIGURE else METHODS
+    steps = _STEPS.values()
+    curves = [stability(method, steps, damping) for method in options.analysis.integrators(methods)]
+    return figures.assessment.accuracy_picture(curves, quantity, f"Figure {number}: {about}")
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:

@@ -56,8 +56,10 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
 
     integrators = options.analysis.integrators(methods) if methods else usual_methods()
-    found = find_problems(problems or ())
-    trials = [trial for problem in found for integrator in integrators for trial in attempt(integrator, problem)]
+    named_problems = find_problems(problems or ())
+    trials = [
+        trial for problem in named_problems for integrator in integrators for trial in attempt(integrator, problem)
+    ]
     outputs.deliver(tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials))
     _say_verdicts(trials)
 

@@ -155,9 +155,9 @@ def _compare(request: Request, measures: Sequence[str]) -> None:
         f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {how_many(best.runs, 'run')}; "
         f"{best.left_out} left out."
     )
-    for one in best.dependences:
-        if one.p_value < SIGNIFICANT:
-            say(f"What it leaves depends on {one.characteristic}: slope {one.slope:.3g}, p {one.p_value:.2g}.")
+    for slope in best.dependences:
+        if slope.p_value < SIGNIFICANT:
+            say(f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p {slope.p_value:.2g}.")
 
 
 def _fragility(request: Request) -> None:
@@ -233,13 +233,13 @@ def _count(functions: Sequence[Fragility], by: str) -> str:
 def _words(function: Fragility) -> str:
     """Median and dispersion with their 95 % intervals."""
     name = f"{function.im or 'im'}"
-    what = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    words = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
     if function.damage == function.damage:
-        what += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+        words += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
     factor = math.exp(1.96 * function.theta_error)
     unit = f" {function.unit}" if function.unit else ""
     text = (
-        f"{what}{function.fit}, median {name} {function.theta:.4g}{unit} (95 %: {function.theta / factor:.4g} to "
+        f"{words}{function.fit}, median {name} {function.theta:.4g}{unit} (95 %: {function.theta / factor:.4g} to "
         f"{function.theta * factor:.4g}), beta {function.beta:.3f} +- {1.96 * function.beta_error:.3f}"
     )
     if function.beta_model:

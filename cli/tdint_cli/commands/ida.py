@@ -319,10 +319,10 @@ def _report(study: IdaStudy, precision: float) -> None:
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
-    known = [curve.collapse for curve in study.curves if not curve.collapse.censored]
-    wide = sum(not one.upper <= one.lower * (1.0 + precision) * (1.0 + 1e-9) for one in known)
+    capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
+    wide = sum(not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9) for capacity in capacities)
     if wide:
-        warn(f"{wide} of {len(known)} capacities are bracketed less closely than {100.0 * precision:g} %")
+        warn(f"{wide} of {len(capacities)} capacities are bracketed less closely than {100.0 * precision:g} %")
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
         warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")

@@ -35,7 +35,7 @@ def _structures() -> list[str]:
 
 def _weights(text: str) -> tuple[float, ...]:
     """Positive numbers with commas between them, equal ones as COUNTxNUMBER: one for each floor."""
-    found: list[float] = []
+    weights: list[float] = []
     for word in text.split(","):
         count, times, number = word.strip().rpartition("x")
         whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
@@ -45,10 +45,10 @@ def _weights(text: str) -> tuple[float, ...]:
             weight = math.nan
         if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
             raise click.BadParameter(f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors")
-        found += [weight] * whole
-    if len(found) > _MOST_STORIES:
-        raise click.BadParameter(f"{len(found)} floors are more than {_MOST_STORIES}")
-    return tuple(found)
+        weights += [weight] * whole
+    if len(weights) > _MOST_STORIES:
+        raise click.BadParameter(f"{len(weights)} floors are more than {_MOST_STORIES}")
+    return tuple(weights)
 
 
 @options.request

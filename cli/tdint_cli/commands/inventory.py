@@ -157,11 +157,11 @@ def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) 
     from tdint.model.inventory import model_text
 
     files: dict[Path, bytes] = {}
-    for one in derived:
-        name = one.row.id
+    for building in derived:
+        name = building.row.id
         if not _FILE_NAME.fullmatch(name):
             raise UsageError(
                 f"the id {name!r} does not make a file name; --models needs ids of letters, digits, -, _ and ."
             )
-        files[Path(folder) / f"{name}.yaml"] = model_text(name, one.building, rules).encode()
+        files[Path(folder) / f"{name}.yaml"] = model_text(name, building.building, rules).encode()
     return files

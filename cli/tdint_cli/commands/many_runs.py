@@ -282,15 +282,15 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         name=model.name,
         source=model.source,
         buildings=ModelFiles((model.source,)),
-        records=(wanted := RecordFiles(records, request.choice)),
+        records=(record_files := RecordFiles(records, request.choice)),
         intensity=of_file or Scales(request.scale or (1.0,)),
         analysis=AnalysisWishes(request.method),
         settings=RunSettings(
             request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
         ),
     )
-    found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model))
-    return make_plan(campaign, Inputs((model,), motions=found, factors=table))
+    motions = read_motions(record_files) if records else FoundMotions(_motions_of_model(request, model))
+    return make_plan(campaign, Inputs((model,), motions=motions, factors=table))
 
 
 def _motions_of_model(request: Request, model: Model) -> tuple[SuiteMotion, ...]:

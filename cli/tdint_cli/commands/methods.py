@@ -33,7 +33,7 @@ def command(references: bool, bibtex: bool) -> None:
     if bibtex:
         from tdint.methods.references import references_of
 
-        found = dict.fromkeys(one for method in catalogue().values() for one in references_of(method))
-        emit("\n".join(one.bibtex for one in found).encode())
+        listed = dict.fromkeys(reference for method in catalogue().values() for reference in references_of(method))
+        emit("\n".join(reference.bibtex for reference in listed).encode())
         return
     emit_table(reference_table(catalogue().values()) if references else method_table(map(parse, catalogue())))

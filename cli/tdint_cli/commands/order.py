@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.errors import AnalysisError, TdintError
 from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
@@ -84,25 +84,14 @@ def command(
     ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()] if load == "harmonic" else [math.nan]
     integrators = options.analysis.integrators(methods)
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
-    measured, failures = _measure(_suited(integrators, problems[0]), problems)
+    if not problems[0].building.linear:
+        integrators = options.analysis.for_nonlinear(integrators, law)
+    measured, failures = _measure(integrators, problems)
     if measured:
         outputs.deliver(tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured))
         _say_roundings(measured)
     if failures:
         raise Failures(failures)
-
-
-def _suited(integrators: list[Integrator], problem: OrderProblem) -> list[Integrator]:
-    """The methods that can do the problem; what is said of the others."""
-    if problem.building.linear:
-        return integrators
-    suited = [integrator for integrator in integrators if not integrator.family.linear_only]
-    if not suited:
-        raise UsageError(f"{integrators[0].label} integrates linear buildings only; not with --law {problem.law}")
-    for integrator in integrators:
-        if integrator not in suited:
-            note(f"{integrator.label} is left out: it integrates linear buildings only")
-    return suited
 
 
 def _measure(
@@ -122,5 +111,5 @@ def _measure(
 
 
 def _say_roundings(measured: list[ObservedOrder]) -> None:
-    exact = dict.fromkeys(one.method for one in measured if math.isnan(one.order("displacement")))
+    exact = dict.fromkeys(order.method for order in measured if math.isnan(order.order("displacement")))
     note(*(f"{method} has no order here: its errors are rounding" for method in exact))

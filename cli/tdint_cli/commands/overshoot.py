@@ -26,8 +26,8 @@ _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-diffe
 
 @options.command(
     "overshoot",
-    "tdint overshoot --method wilson,hht",
     "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
+    "tdint overshoot --method newmark-average,moment4 --law softening",
 )
 @options.analysis.plugin
 @options.analysis.all_methods
@@ -55,9 +55,22 @@ _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-diffe
     common=True,
     help="Damping ratio of the oscillator; 0 by default.",
 )
+@options.analysis.option(
+    "--law",
+    type=click.Choice(["linear", "hardening", "softening"]),
+    default="linear",
+    common=True,
+    help="Restoring force: linear (default), or that of the problem of this name in `tdint failures`.",
+)
 @options.output.to_files(picture=options.output.PICTURE, more=[options.analysis.draw_all(_DRAWN)], in_units=False)
 def command(
-    methods: tuple[str, ...], dt_over_t: float, steps: int, damping: float, draw_all: bool, outputs: Outputs
+    methods: tuple[str, ...],
+    dt_over_t: float,
+    steps: int,
+    damping: float,
+    law: str,
+    draw_all: bool,
+    outputs: Outputs,
 ) -> None:
     """First steps of methods under a large step, and how they grow with it.
 
@@ -69,17 +82,24 @@ def command(
     The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt goes to infinity,
     from u = 1 and from dt v = 1. They go to standard error, too, with those of the exact motion: a method overshoots
     where its power is larger. houbolt and park start with average acceleration; theirs are the powers of that start.
+
+    With --law hardening or softening the oscillator starts with the energy of the problem of that name, all of it in
+    the spring, then all of it in the mass. The columns are over the largest displacement and velocity of the exact
+    motion, T is the period of small vibrations. There are no powers; what the steps pass goes to standard error.
     """
     from tdint.analysis.assessment.stability import STARTS, overshoot
 
+    integrators = options.analysis.integrators(methods)
+    if law != "linear":
+        integrators = options.analysis.for_nonlinear(integrators, law)
     pairs = {
-        integrator: [overshoot(integrator, start, dt_over_t, steps, damping) for start in STARTS]
-        for integrator in options.analysis.integrators(methods)
+        integrator: [overshoot(integrator, start, dt_over_t, steps, damping, law) for start in STARTS]
+        for integrator in integrators
     }
     motions = [motion for pair in pairs.values() for motion in pair]
     shown = motions if draw_all or methods else options.analysis.drawn(motions, _DRAWN)
     outputs.deliver(tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown))
-    _say_powers(pairs)
+    _say_powers(pairs) if law == "linear" else _say_largest(pairs)
 
 
 def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
@@ -93,6 +113,23 @@ def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
         powers = (_power(power) for motion in pair for power in (motion.displacement_power, motion.velocity_power))
         rows.append((integrator.label, *powers, verdict(integrator, pair)))
     say("Powers of omega dt in the first step, as omega dt goes to infinity:")
+    say_table(rows)
+
+
+def _say_largest(pairs: dict[Integrator, list[Overshoot]]) -> None:
+    from tdint.analysis.assessment.stability import BEYOND
+
+    rows: list[tuple[str, ...]] = [("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")]
+    for integrator, pair in pairs.items():
+        largest = [motion.largest for motion in pair]
+        beyond = {
+            name: max(values) > 1.0 + BEYOND
+            for name, values in zip(("displacement", "velocity"), zip(*largest, strict=True), strict=True)
+        }
+        words = " and ".join(name for name, passes in beyond.items() if passes) or "none"
+        first, second = (["runs away" if math.isinf(value) else f"{value:.3g}" for value in both] for both in largest)
+        rows.append((integrator.label, *first, *second, words))
+    say("Largest displacement and velocity of the steps, over those of the exact motion:")
     say_table(rows)
 
 

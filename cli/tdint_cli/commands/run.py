@@ -66,7 +66,7 @@ def command(request: Request) -> None:
     if request.record is not None and request.records:
         raise UsageError(f"--record {request.record} and {request.records[0]} are given; leave one of them out")
     named = (request.record,) if request.record is not None else request.records
-    models = [one for one in named if one.lower().endswith((".yaml", ".yml"))]
+    models = [file for file in named if file.lower().endswith((".yaml", ".yml"))]
     if models:
         raise UsageError(
             f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same records are a "
@@ -117,7 +117,7 @@ def _run(request: Request) -> None:
         own_type(model)  # refused now, not after the run
     shocks = _shocks(model, request)
     record = None if shocks else model_record(model)
-    inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
+    inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
     if request.history and not (shocks or request.tolerance or request.until_rest):
         _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
@@ -140,7 +140,7 @@ def _run(request: Request) -> None:
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     from tdint.analysis.run.run import run_case
 
-    wanted: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "dt": request.dt,
         "history": bool(request.of_floors.floors or request.export_floors),
         "check": request.check,
@@ -151,11 +151,11 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         from tdint.analysis.run.sequence import run_sequence
 
         # The errors of each shock alone take repetitions: only of one who asked for them.
-        wanted["check"] = bool(request.check)
-        return run_sequence(case, shocks, rest=request.rest, **wanted)
+        settings["check"] = bool(request.check)
+        return run_sequence(case, shocks, rest=request.rest, **settings)
     # A history, which a picture draws, has rows that are equally far from each other.
     equal = bool(request.history_file or request.picture_file or request.report)
-    return run_case(case, duration=request.duration, equal=equal, **wanted)
+    return run_case(case, duration=request.duration, equal=equal, **settings)
 
 
 def _shocks(model: Model, request: Request) -> list[Record]:
@@ -165,12 +165,12 @@ def _shocks(model: Model, request: Request) -> list[Record]:
     factors = request.scale or (1.0,)
     if len(factors) == 1:
         factors *= len(request.shocks)
-    found = []
+    shocks = []
     for file, factor in zip(request.shocks, factors, strict=False):
         record = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
         assert record is not None
-        found.append(record)
-    return found
+        shocks.append(record)
+    return shocks
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -206,7 +206,7 @@ def _files(
     _check_room(request, len(response.model.stories), response.steps)
     if (file := request.history_file) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
-        kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
+        kept = (piece if request.check else replace(piece, error=None) for piece in pieces(request.every))
         files[file] = lambda stream: tables.buildings.write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(
@@ -253,11 +253,11 @@ def _thinned(response: Response) -> Response:
 
 def _warnings(response: Response) -> list[str]:
     """What changes the meaning of a number."""
-    found = [_collapsed(response, response.collapse)] if response.collapse else []
+    warnings = [_collapsed(response, response.collapse)] if response.collapse else []
     record = response.record
     if record is not None:
-        found += [f"{record.source}: {text}" for text in record.warnings]
-    return [*found, *response.warnings]
+        warnings += [f"{record.source}: {text}" for text in record.warnings]
+    return [*warnings, *response.warnings]
 
 
 def _summary_of_failure(
@@ -334,17 +334,17 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
     """The largest demands of a run; on a page the base shear with and without viscous forces, whatever damps."""
     from tdint.analysis.run.demands import demands
 
-    found = demands(stories)
-    worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
-    if found.drift_ratio.place is not None:
-        value = f"{100.0 * found.drift_ratio.value:.4g} %" if page else f"{found.drift_ratio.value:.4g}"
-        ratio = f"drift ratio {value} in story {found.drift_ratio.place}"
+    largest = demands(stories)
+    worst = f"drift {units.text(largest.drift.value, 'm')} in story {largest.drift.place}"
+    if largest.drift_ratio.place is not None:
+        value = f"{100.0 * largest.drift_ratio.value:.4g} %" if page else f"{largest.drift_ratio.value:.4g}"
+        ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
         worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if page or any(story.dashpot or story.power_dashpot for story in model.stories):
-        viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
-    roof, base = units.text(found.roof_displacement.value, "m"), units.text(found.base_shear.value, "N")
+        viscous = f" ({units.text(largest.total_base_shear.value, 'N')} with viscous forces)"
+    roof, base = units.text(largest.roof_displacement.value, "m"), units.text(largest.base_shear.value, "N")
     return f"{worst}, roof displacement {roof}, base shear {base}{viscous}"
 
 
@@ -353,29 +353,29 @@ def _damage(response: Response, units: OutputUnits) -> str:
     from tdint.campaign.fragility.runs import damage_of_run
     from tdint.model.damage_states import DEMANDS
 
-    found = damage_of_run(response.model, response.stories, response.status)
-    assert found is not None
-    states, demand = found.states, DEMANDS[found.states.demand]
-    value = f"{found.demand[0]:.4g}" if demand.unit == "1" else units.text(float(found.demand[0]), demand.unit)
+    damage = damage_of_run(response.model, response.stories, response.status)
+    assert damage is not None
+    states, demand = damage.states, DEMANDS[damage.states.demand]
+    value = f"{damage.demand[0]:.4g}" if demand.unit == "1" else units.text(float(damage.demand[0]), demand.unit)
     shares = (
         f"{outcome} {100.0 * probability:.3g} %"
-        for outcome, probability in zip(states.outcomes, found.probability[0].tolist(), strict=True)
+        for outcome, probability in zip(states.outcomes, damage.probability[0].tolist(), strict=True)
         if probability >= _TOLD
     )
-    loss = f"; mean loss ratio {found.loss[0]:.3g}" if states.losses else ""
-    return f"Damage by {states.demand.replace('_', ' ')} {value}: {found.state[0]} ({', '.join(shares)}){loss}."
+    loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
+    return f"Damage by {states.demand.replace('_', ' ')} {value}: {damage.state[0]} ({', '.join(shares)}){loss}."
 
 
 def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
     """A shock of a sequence, and what it has left."""
     from tdint.analysis.run.demands import demands
 
-    found = demands(shock.stories)
-    drift, left = found.drift, found.residual_drift_ratio
+    largest = demands(shock.stories)
+    drift, left = largest.drift, largest.residual_drift_ratio
     worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
     if left.place is not None:
         worst, after = (
-            f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}",
+            f"ratio {largest.drift_ratio.value:.4g} in story {largest.drift_ratio.place}",
             f"{left.value:.3g} left",
         )
     return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
@@ -409,7 +409,7 @@ def _chosen(response: Response, choice: StepChoice) -> str:
 def _collapsed(response: Response, collapse: Collapse) -> str:
     """When and where the building collapsed."""
     end = "; the run ends there, for the drift ran away" if collapse.ended else ""
-    what = f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+    cause = f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
     if collapse.failed:
-        what = f"story {collapse.story} carries nothing any more from"
-    return f"Status {response.status}: {what} {collapse.time:.6g} s{end}."
+        cause = f"story {collapse.story} carries nothing any more from"
+    return f"Status {response.status}: {cause} {collapse.time:.6g} s{end}."

@@ -124,10 +124,9 @@ class ScaleRequest(RecordsRequest):
         if value and not self.p695:
             aims.append(f"--{value[0].replace('_', '-')}")
         if len(aims) != 1:
-            what = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
+            aim = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
             raise UsageError(
-                f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
-                "--arias, --cav, --p695"
+                f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --arias, --cav, --p695"
             )
         if self.p695 and value and value[0] != "sa":
             raise UsageError("--p695 is scaled on by --sa with --at")
@@ -328,8 +327,8 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
 
     factors = scaling.factors
     count = len(factors)
-    what = "record" if _single(scaling.motions[0]) else "pair"
-    text = how_many(count, what)
+    kind = "record" if _single(scaling.motions[0]) else "pair"
+    text = how_many(count, kind)
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:

@@ -22,8 +22,8 @@ from tdint_cli.terminal import Failures, note, say
 
 def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
     """NAME=LOW:HIGH, several with commas between them."""
-    found: dict[str, tuple[float, float]] = {}
-    for text in (part for one in texts for part in one.split(",")):
+    ranges: dict[str, tuple[float, float]] = {}
+    for text in (part for text_given in texts for part in text_given.split(",")):
         name, ends = (part.strip() for part in text.partition("=")[::2])
         low, colon, high = ends.partition(":")
         try:
@@ -32,8 +32,8 @@ def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ..
             both = None
         if both is None or not both[0] < both[1]:
             raise UsageError(f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2")
-        found[name] = both
-    return found
+        ranges[name] = both
+    return ranges
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def _ranks(building: str, outputs: Outputs) -> None:
     with open_existing(Path(building)) as store:
         check_chunks(store)
         note_input(store.name, lambda: digest_of(Path(store.name)))
-        found = rank_correlations(store)
-    outputs.deliver(Table.of_results(CORRELATIONS, found))
+        correlations = rank_correlations(store)
+    outputs.deliver(Table.of_results(CORRELATIONS, correlations))
 
 
 def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
@@ -119,14 +119,14 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         tell_outcomes(store)
-        found = swings(store, model.name, request.ranges)
+        of_parameters = swings(store, model.name, request.ranges)
 
     outputs = outputs.else_in(model.output_units)
     outputs.deliver(
-        Table.of_results(SWINGS, found),
-        lambda: figures.runs.sensitivity_picture(found, outputs.shown_units),
+        Table.of_results(SWINGS, of_parameters),
+        lambda: figures.runs.sensitivity_picture(of_parameters, outputs.shown_units),
     )
-    first = found[0]
+    first = of_parameters[0]
     say(
         f"{how_many(advance.done, 'run')}. {first.parameter} moves the peak drift ratio most, by "
         f"{100.0 * first.swing:.3g} % of it."

@@ -128,10 +128,10 @@ def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[T
     """What to do for the files of each record, after it is clear that its outputs can be written."""
     output = Path(request.output) if request.output else None
     tables = tables_of([files[0] for files in records], output) if output and request.is_folder else [output]
-    own = tables if request.is_folder else [None] * len(records)
+    own_tables = tables if request.is_folder else [None] * len(records)
     files = [file for table in tables for file in _outputs(request, table).files]
     check_outputs(files, overwrite=request.overwrite)
-    return [Task(files[0], table, files[1:]) for files, table in zip(records, own, strict=True)]
+    return [Task(files[0], table, files[1:]) for files, table in zip(records, own_tables, strict=True)]
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
@@ -180,8 +180,8 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
-        own = {"columns": summary["columns"]}
-        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, own=own)
+        of_table = {"columns": summary["columns"]}
+        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, own=of_table)
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)

@@ -235,8 +235,8 @@ class SpectrumRequest(TablesRequest):
 
     def read(self, file: str) -> list[Record]:
         """The components of a file, times the factor that is asked for."""
-        found = super().read(file)
-        return found if self.scale is None else [record.scaled(self.scale) for record in found]
+        horizontals = super().read(file)
+        return horizontals if self.scale is None else [record.scaled(self.scale) for record in horizontals]
 
     def settings(self, default_periods: str) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
@@ -466,12 +466,12 @@ class Against(Kind):
         from tdint.analysis.spectra.target import differences
 
         log_log = request.against_interpolation is not None
-        own = request.periods is not None or bool(request.period)
+        of_user = request.periods is not None or bool(request.period)
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
             published = request.published(ratio)
             of_ratio = replace(request, damping=(ratio,))
-            if not own:
+            if not of_user:
                 of_ratio = replace(of_ratio, period=tuple(published.periods.tolist()))
             lines += differences(Elastic().compute(of_ratio, records).lines, published, log_log)
         return Results(lines, records, [_largest(line) for line in lines])

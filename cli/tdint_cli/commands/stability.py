@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tdint.analysis.defaults import BETAS
 from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from tdint.methods.method import Integrator
 
 _STEPS = Grid(0.001, 1000.0, 400)
-_SCANNED = ("1/120", "1/143", "1/144", "1/145", "1/160")
 _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
 
 
@@ -50,7 +50,7 @@ class Request:
     beta_scan: bool = options.option(
         is_flag=True,
         common=True,
-        help=f"Add (without --method: take) impulse with beta {', '.join(_SCANNED)}, and {_BAND[2]} steps with omega "
+        help=f"Add (without --method: take) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} steps with omega "
         f"dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
     )
 
@@ -76,7 +76,7 @@ def command(request: Request) -> None:
 
     from tdint.analysis.assessment.stability import stability
 
-    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
+    scanned = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
     integrators = options.analysis.integrators((*request.methods, *scanned))
     steps = request.dt_over_t.values()
     if request.beta_scan:

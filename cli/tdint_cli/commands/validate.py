@@ -35,9 +35,9 @@ def command(outputs: Outputs) -> None:
     outside = [result for result in results if not result.within]
     say(f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances.")
     if outside:
-        one = outside[0]
+        worst = outside[0]
         more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
         raise AnalysisError(
-            f"{one.case.name}: the largest difference, {one.largest:.3g}, is beyond {one.case.tolerance:.3g}{more}: "
-            "this installation computes something else than the one that was released"
+            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond {worst.case.tolerance:.3g}"
+            f"{more}: this installation computes something else than the one that was released"
         )

@@ -14,6 +14,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Name, Ratio
 from tdint_cli.options.record import RecordRequest
+from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -108,15 +109,15 @@ def methods(text: str) -> grammar.Declaration:
 
 def _specifications(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
     """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the method before it."""
-    found: list[str] = []
+    specifications: list[str] = []
     for text in texts:
-        start = len(found)
+        start = len(specifications)
         for part in text.split(","):
-            if len(found) > start and ":" in found[-1] and "=" in part and ":" not in part:
-                found[-1] += f",{part}"
+            if len(specifications) > start and ":" in specifications[-1] and "=" in part and ":" not in part:
+                specifications[-1] += f",{part}"
             else:
-                found.append(part.strip())
-    return tuple(found)
+                specifications.append(part.strip())
+    return tuple(specifications)
 
 
 all_methods = methods("all methods of `tdint methods` with their defaults")
@@ -170,7 +171,7 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
 
 def drawn(results: Sequence[Result], names: Sequence[str]) -> list[Result]:
     """Those of the results that are of methods of these names."""
-    return [one for one in results if one.method.partition(":")[0] in names]
+    return [result for result in results if result.method.partition(":")[0] in names]
 
 
 def integrators(specifications: Sequence[str]) -> list[Integrator]:
@@ -184,6 +185,23 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     from tdint.methods.catalogue import chosen
 
     return chosen(specifications or None)
+
+
+def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
+    """Those of the methods that integrate a nonlinear law; a note on the others.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    suited = [integrator for integrator in integrators if not integrator.family.linear_only]
+    if not suited:
+        raise UsageError(f"{integrators[0].label} integrates linear buildings only; not with --law {law}")
+    for integrator in integrators:
+        if integrator not in suited:
+            note(f"{integrator.label} is left out: it integrates linear buildings only")
+    return suited
 
 
 # ---- The building of a command line, and its ground motion: the model and the options of the record together

@@ -84,9 +84,9 @@ class Nonzero(Number):
 class ListOf(ValueType):
     """Values of one type with commas between them."""
 
-    def __init__(self, one: ValueType) -> None:
-        self.one = one
-        self.name = one.name
+    def __init__(self, member: ValueType) -> None:
+        self.one = member
+        self.name = member.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[Any, ...]:
         if isinstance(value, tuple):
@@ -140,12 +140,12 @@ def grid(low: float = 0.0, high: float = math.inf) -> Written:
 
     def read(text: str) -> Grid:
         try:
-            found = parse_grid(text)
+            values = parse_grid(text)
         except UsageError as error:
             raise click.BadParameter(str(error)) from None
-        if not low <= found.first <= found.last <= high:
+        if not low <= values.first <= values.last <= high:
             raise click.BadParameter(f"{text!r} leaves the range {low:g} to {high:g}")
-        return found
+        return values
 
     return Written("grid", read)
 
@@ -424,8 +424,8 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
         def collected(**given: Any) -> Any:
             if not among:
                 return command(kind(**given))
-            own = {one.name: given.pop(one.name) for one in fields(kind)}
-            return command(**given, **{among: kind(**own)})
+            own_values = {field.name: given.pop(field.name) for field in fields(kind)}
+            return command(**given, **{among: kind(**own_values)})
 
         return with_options(_OPTIONS[kind], collected)
 
@@ -521,9 +521,15 @@ class Command(HelpAsData):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
-        own = {name for parameter in self.params for name in parameter.opts}
-        _refuse_swallowing(self.params, own, args)
-        rest = super().parse_args(ctx, with_named_files(args, own))
+        flags = {name for parameter in self.params for name in parameter.opts}
+        _refuse_swallowing(self.params, flags, args)
+        try:
+            rest = super().parse_args(ctx, with_named_files(args, flags))
+        except click.NoSuchOption as error:
+            now, example = _FORMER.get(error.option_name, ("", ""))
+            if now not in flags:
+                raise
+            raise UsageError(f"{error.option_name} is now {now}: {now} {example}") from None
         if not ctx.resilient_parsing:
             _refuse_idle(ctx, self.params)
         return rest
@@ -541,13 +547,22 @@ class Command(HelpAsData):
 
 def _refuse_swallowing(options: Sequence[click.Parameter], names: Collection[str], words: Sequence[str]) -> None:
     """Raise UsageError for an option behind one that wants a value, which click would take for the value."""
-    valued = {name for one in options if isinstance(one, click.Option) and not one.is_flag for name in one.opts}
+    valued = {name for item in options if isinstance(item, click.Option) and not item.is_flag for name in item.opts}
     for word, following in pairwise(words):
         if word == "--":
             return
         if word in valued and word not in _NAMES and following in names:
             raise UsageError(f"{word} needs a value, and {following} is an option")
 
+
+_FORMER = {
+    "--drift-limit": ("--limit", "2%"),
+    "--figure-width": ("--style", "90mm"),
+    "--font": ("--style", "\"font='Times New Roman'\""),
+    "--label": ("--style", "'label:moment4=present method'"),
+    "--no-title": ("--style", "title=no"),
+}
+"""Options that went, what does their work and with which value, for those who type them from memory."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
@@ -588,7 +603,11 @@ def _help_all() -> click.Option:
 
 def _refuse_idle(ctx: click.Context, parameters: Sequence[click.Parameter]) -> None:
     """Raise UsageError for an option that is given without what it needs: it would be passed over in silence."""
-    named = {name: one for one in parameters for name in (*one.opts, (one.metavar or "").strip("[]."))}
+    named = {
+        name: parameter
+        for parameter in parameters
+        for name in (*parameter.opts, (parameter.metavar or "").strip("[]."))
+    }
     for option in parameters:
         needs = getattr(option, "needs", "")
         if needs and _is_given(ctx, option) and not _is_met(ctx, needs, named):

@@ -257,9 +257,9 @@ def to_files(
     def declared(command: Function) -> Function:
         @functools.wraps(command)
         def collected(**given: Any) -> Any:
-            wanted = {name: given.pop(name, None) for name in ("output", "plot", "overwrite", "output_units")}
+            asked = {name: given.pop(name, None) for name in ("output", "plot", "overwrite", "output_units")}
             outputs = Outputs.checked(
-                wanted["output"], wanted["plot"], bool(wanted["overwrite"]), units=wanted["output_units"]
+                asked["output"], asked["plot"], bool(asked["overwrite"]), units=asked["output_units"]
             )
             return command(**given, outputs=outputs)
 
@@ -305,7 +305,7 @@ def summary_bytes(
 def _plain(value: Any) -> Any:
     """The value of an option as it was written."""
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return value if value is None or isinstance(value, bool | int | float | str) else getattr(value, "text", str(value))
 
 

@@ -160,10 +160,10 @@ class FloorRequest:
         from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
 
         choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
-        found = run_floors(plan, store, choice, jobs or processors())
-        suites = list(floor_suites(store, found))
+        floors = run_floors(plan, store, choice, jobs or processors())
+        suites = list(floor_suites(store, floors))
         contents: dict[str, Content] = {
-            SPECTRA: tables.campaign.run_floor_table(store, found).in_units(units).csv(),
+            SPECTRA: tables.campaign.run_floor_table(store, floors).in_units(units).csv(),
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
@@ -188,11 +188,11 @@ class FloorRequest:
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
-        if found := self.of_run(response):
-            files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(found).in_units(units).csv()
+        if spectra := self.of_run(response):
+            files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(spectra).in_units(units).csv()
             if plot:
                 title = response.model.name
-                draw = partial(figures.runs.floor_picture, found, units, title=title)
+                draw = partial(figures.runs.floor_picture, spectra, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         if export:
             from tdint.analysis.spectra.floors import floor_motion

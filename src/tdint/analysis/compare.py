@@ -207,7 +207,9 @@ def _base_record(recording: Recording, signals: Sequence[Signal], notes: dict[st
 def _mean(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> Signal:
     """The mean of the sensors of a floor: its translation, without what the floor turns."""
     if len({signal.quantity for signal in signals}) > 1:
-        raise RecordError(f"{place}: its sensors are of {' and '.join(sorted({one.quantity for one in signals}))}")
+        raise RecordError(
+            f"{place}: its sensors are of {' and '.join(sorted({sensor.quantity for sensor in signals}))}"
+        )
     mean, lead = _common([signal.centered() for signal in signals], place, notes)
     if len(signals) > 1:
         notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
@@ -220,7 +222,7 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
     first = signals[0]
     starts = [_later(signal, first, notes) for signal in signals]
     lead = max(starts)
-    ends = [start + (one.samples.size - 1) * one.dt for start, one in zip(starts, signals, strict=True)]
+    ends = [start + (recorded.samples.size - 1) * recorded.dt for start, recorded in zip(starts, signals, strict=True)]
     count = math.floor((min(ends) - lead) / first.dt + 1e-6) + 1
     if count < _FEWEST:
         raise RecordError(f"{place}: its sensors recorded at different times")
@@ -349,7 +351,7 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        least, floors = min(one.correlation for one in self.floors), how_many(len(self.floors), "floor")
+        least, floors = min(floor.correlation for floor in self.floors), how_many(len(self.floors), "floor")
         return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
@@ -525,7 +527,7 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
     whole = int(np.argmax(total)) - most
 
     def apart(parts: float) -> float:
-        return -sum(one.correlation for one in compared_floors(event, computed, parts * dt))
+        return -sum(compared.correlation for compared in compared_floors(event, computed, parts * dt))
 
     return float(minimize_scalar(apart, bounds=(whole - 1.0, whole + 1.0), method="bounded").x) * dt
 

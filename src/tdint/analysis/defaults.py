@@ -39,3 +39,6 @@ PEAKS = {
     "peak-total-shear": "largest error of a story's peak total shear",
 }
 """The same of many problems: the fields of `tdint.analysis.chart.profiles.PeakErrors`."""
+
+BETAS = ("1/120", "1/143", "1/144", "1/145", "1/160")
+"""Of impulse: the paper's 1/144 and others, with which it is unstable beyond a step."""

@@ -131,7 +131,7 @@ def fit(
         )
         candidates.append((solution.cost, solution.x))
     best = None
-    for _, first in sorted(candidates, key=lambda one: float(one[0]))[:_CANDIDATES]:
+    for _, first in sorted(candidates, key=lambda candidate: float(candidate[0]))[:_CANDIDATES]:
         problem.settle_shift(first)
         # Within d standard errors of its minimum a sum of n squares is d^2 / n of itself above it.
         close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
@@ -201,8 +201,8 @@ class _Problem:
         if computed is None:
             return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
         floors = compare.compared_floors(self._event, computed, self._shift)
-        size = [math.sqrt(len(floors)) * (float(np.linalg.norm(one.recorded)) or 1.0) for one in floors]
-        return np.concatenate([(one.computed - one.recorded) / of for one, of in zip(floors, size, strict=True)])
+        size = [math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0) for floor in floors]
+        return np.concatenate([(floor.computed - floor.recorded) / of for floor, of in zip(floors, size, strict=True)])
 
     def spectral(self, logarithms: Array) -> Array:
         """Differences of the logarithms of the smoothed Fourier spectra."""
@@ -211,14 +211,16 @@ class _Problem:
             return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
         floors = compare.compared_floors(self._event, computed, self._shift)
         dt, band = self._event.base.dt, self._event.recording.band
-        return np.concatenate([_smoothed(one.computed, dt, band) - _smoothed(one.recorded, dt, band) for one in floors])
+        return np.concatenate(
+            [_smoothed(floor.computed, dt, band) - _smoothed(floor.recorded, dt, band) for floor in floors]
+        )
 
 
 def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
     """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
     if not stiffness:
         return [start]
-    stiff = np.array([one.name in (_STIFFNESS, _COMMON) for one in problem.free])
+    stiff = np.array([value.name in (_STIFFNESS, _COMMON) for value in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
     lowest = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]

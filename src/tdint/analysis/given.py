@@ -75,7 +75,7 @@ def horizontals_of(given: Any) -> Horizontals:
     if isinstance(given, Horizontals):
         return given
     if isinstance(given, tuple | list):
-        return find_horizontals([record_of(one) for one in given])
+        return find_horizontals([record_of(motion) for motion in given])
     raise RecordError(f"a pair is what read_horizontals gives, or two records, got {_kind(given)}")
 
 

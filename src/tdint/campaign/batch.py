@@ -167,7 +167,7 @@ class StoryRow(NamedTuple):
 
     def of(self, name: str) -> float:
         """The value of a quantity."""
-        return self.values[[one.name for one in STORY].index(name)]
+        return self.values[[quantity.name for quantity in STORY].index(name)]
 
 
 @dataclass
@@ -199,7 +199,7 @@ def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimat
 
 
 def _by_story(values: StoryValues | None) -> Iterable[tuple[float, ...]]:
-    return zip(*(getattr(values, one.name).tolist() for one in STORY), strict=True) if values else repeat(())
+    return zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
@@ -375,7 +375,9 @@ class Batch:
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
                 row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors, corrected=())
         return Rows(
-            [row._replace(scale=run.scale)], [one._replace(scale=run.scale) for one in rows.stories], rows.shocks
+            [row._replace(scale=run.scale)],
+            [row_of_shock._replace(scale=run.scale) for row_of_shock in rows.stories],
+            rows.shocks,
         )
 
     def _steps(self, motion: int, largest: float) -> Steps:

@@ -17,13 +17,13 @@ from tdint.units import SI, OutputUnits
 
 def output_units(buildings: Buildings) -> OutputUnits:
     """The units in which all of their models want results; SI where they do not agree."""
-    units = {one.output_units for one in buildings}
+    units = {building.output_units for building in buildings}
     return units.pop() if len(units) == 1 else SI
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the model files that they come from, by name."""
-    texts = {one.made.model.source: one.made.model.text for one in buildings if isinstance(one, GivenBuilding)}
+    texts = {given.made.model.source: given.made.model.text for given in buildings if isinstance(given, GivenBuilding)}
     return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
 
@@ -31,8 +31,8 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the files of plug-ins that their methods and drift laws are from, by name."""
     if not CODE:
         return {}
-    methods = {f"method {one.method.partition(':')[0]}" for one in buildings}
-    given = [one.made.model for one in buildings if isinstance(one, GivenBuilding)]
+    methods = {f"method {building.method.partition(':')[0]}" for building in buildings}
+    given = [building.made.model for building in buildings if isinstance(building, GivenBuilding)]
     return code_of(methods | {f"law {story.law.name}" for model in given for story in model.stories})
 
 

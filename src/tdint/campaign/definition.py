@@ -119,7 +119,7 @@ class ParameterSweep:
         if count > _MOST:
             raise UsageError(f"the sweep has {count} variations of each building; {_MOST} are the most")
         grid = [dict(zip(self.grids, values, strict=True)) for values in itertools.product(*self.grids.values())]
-        return [one | draw for one in grid for draw in self._draws()]
+        return [point | draw for point in grid for draw in self._draws()]
 
     def _draws(self) -> list[dict[str, float]]:
         if not self.random:
@@ -127,7 +127,7 @@ class ParameterSweep:
         from scipy.stats import qmc
 
         parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(self.samples)
-        columns = [one.at(parts[:, i]).tolist() for i, one in enumerate(self.random.values())]
+        columns = [distribution.at(parts[:, i]).tolist() for i, distribution in enumerate(self.random.values())]
         draws = [dict(zip(self.random, values, strict=True)) for values in zip(*columns, strict=True)]
         for draw in draws:
             for name, value in draw.items():
@@ -163,7 +163,7 @@ class ParameterSweep:
         UsageError
             A drawn value is out of range; too many variations.
         """
-        changes = [(tuple(one.items()), self._label(one, i, None, None)) for i, one in enumerate(self.changes(), 1)]
+        changes = [(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in enumerate(self.changes(), 1)]
         return tuple(replace(row, changes=change, label=label) for row in rows for change, label in changes)
 
     def _label(self, change: Mapping[str, float], number: int, method: str | None, dt: float | None) -> str:

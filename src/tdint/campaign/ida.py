@@ -144,7 +144,9 @@ class IdaStudy(Tabular):
     def states(self) -> list[IdaStudy]:
         """The studies of the building in each of its states, the intact one first."""
         damages = dict.fromkeys(curve.damage for curve in self.curves)
-        return [replace(self, curves=tuple(curve for curve in self.curves if curve.damage == one)) for one in damages]
+        return [
+            replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state)) for state in damages
+        ]
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
         """The study with its intensities, and all that follows from them, in other units."""
@@ -304,7 +306,7 @@ class _Work:
         levels = LevelSearch(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
-            lowest_drift=min((one for one in settings.thresholds or () if one > _ABOVE * left), default=math.inf),
+            lowest_drift=min((drift for drift in settings.thresholds or () if drift > _ABOVE * left), default=math.inf),
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
@@ -366,7 +368,7 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}")
     states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
-    medians = tuple(one for one in states.medians if one <= collapse_drift) if states else THRESHOLDS
+    medians = tuple(median for median in states.medians if median <= collapse_drift) if states else THRESHOLDS
     thresholds = medians if settings.thresholds is None else settings.thresholds
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:

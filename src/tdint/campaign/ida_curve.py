@@ -78,7 +78,7 @@ class IdaRun:
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
         """What the row of a run at a level says."""
-        names = [one.name for one in RUN_WITH_ERROR]
+        names = [column.name for column in RUN_WITH_ERROR]
         errors, corrected = (dict(zip(names, told, strict=False)) for told in (row.errors, row.corrected))
         values: dict[str, float | None] = {"energy_error": row.energy_error}
         for demand, name in _OF_ROW.items():
@@ -319,7 +319,9 @@ class IdaCurve:
     def intensity_at(self, drift_ratios: Array) -> Array:
         """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is known."""
         capacities = [self.capacity(drift) for drift in drift_ratios.tolist()]
-        values = np.array([math.inf if one.censored and one.capacity > 0.0 else one.capacity for one in capacities])
+        values = np.array(
+            [math.inf if limit.censored and limit.capacity > 0.0 else limit.capacity for limit in capacities]
+        )
         return np.where(drift_ratios <= self.left, 0.0, values)
 
 

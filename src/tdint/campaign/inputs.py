@@ -207,7 +207,7 @@ def _check_costs(file: str, rows: tuple[InventoryRow, ...]) -> None:
             bad = [row.id for row in rows if (text := row.cell(name)) and not number(text) >= 0.0]
             faults += _faults(file, name, bad, _no_amount) if bad else []
     if faults:
-        raise ModelError(sorted(faults, key=lambda one: (one.line, one.column)))
+        raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
 
 
 def _no_amount(_: str, text: str) -> str:
@@ -238,7 +238,7 @@ def _placed(
         missing = "is missing; motions at places need that of each building"
         for name in ("Latitude", "Longitude"):
             lost += _faults(file, name, nowhere, lambda _, text: "" if text else missing)
-        lost.sort(key=lambda one: (one.line, one.column))
+        lost.sort(key=lambda fault: (fault.line, fault.column))
     placed = [row for row in rows if row.latitude is not None and row.longitude is not None]
     if not placed:
         raise ModelError(lost)
@@ -386,11 +386,11 @@ def _sequence(
         for error in suite.failures:
             raise error
         notes |= dict.fromkeys(
-            (*suite.notes, *(f"{one.source}: {text}" for one in suite.records for text in one.warnings))
+            (*suite.notes, *(f"{part.source}: {text}" for part in suite.records for text in part.warnings))
         )
         of_shocks.append([record.scaled(shock.factor) for record in suite.records])
     names = [[record.component for record in records] for records in of_shocks]
-    if any(one != names[0] for one in names) and any(len(one) > 1 for one in names):
+    if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
         raise RecordError("its records have different components; name one of each in the column component")
     for records in zip(*of_shocks, strict=True):
         whole = JoinedRecord.of(records, sequences.rest)

@@ -115,7 +115,7 @@ class Plan:
     @property
     def models(self) -> list[Model]:
         """The models of its buildings, where they come from files; none of an inventory."""
-        return [one.made.model for one in self.buildings if isinstance(one, GivenBuilding)]
+        return [building.made.model for building in self.buildings if isinstance(building, GivenBuilding)]
 
     @property
     def runs(self) -> int:
@@ -152,7 +152,7 @@ class Plan:
         settings = self.settings
         analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
         for dt, duration in sorted(analyses, key=str):
-            for motion in {one.record.dt: one for one in reversed(self.motions)}.values():
+            for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
                 record = motion.record
                 try:
                     choose_steps(settings.dt or dt, settings.duration or duration, record.dt, record.duration)
@@ -267,7 +267,11 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
         notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
     damage = damage_of(campaign.damage, inputs.damage, buildings)
-    if damage and not campaign.settings.until_rest and any("residual" in one.demand for one in damage.types.values()):
+    if (
+        damage
+        and not campaign.settings.until_rest
+        and any("residual" in type_.demand for type_ in damage.types.values())
+    ):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(
         name=campaign.name,

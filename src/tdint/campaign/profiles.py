@@ -165,14 +165,14 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     UsageError
         There is no such building, or it is the only one.
     """
-    names = list(dict.fromkeys(one.building for one in profiles))
+    names = list(dict.fromkeys(other.building for other in profiles))
     if baseline not in names:
         raise UsageError(
             f"there is no building {baseline!r}{did_you_mean(baseline, names)}; there are {', '.join(names)}"
         )
     if len(names) == 1:
         raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
-    bases = {(repr(one.scale), repr(one.level)): one for one in profiles if one.building == baseline}
+    bases = {(repr(other.scale), repr(other.level)): other for other in profiles if other.building == baseline}
     return [
         _ratios(profile, base, quantity)
         for profile in profiles
@@ -234,7 +234,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
     for number, (name, _) in store.buildings().items():
         # The values of the stories of each run, with their errors where the campaign has estimated them.
-        quantities = [one.column for one in STORY]
+        quantities = [quantity.column for quantity in STORY]
         columns = ", ".join(("height_m", *quantities, *(f"{name}_error" for name in quantities if store.checked)))
         query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
         by_run: dict[Run, list[list[float]]] = defaultdict(list)
@@ -340,13 +340,13 @@ def _peaks(
     """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their errors, if they were
     `checked`, from the rows of the runs."""
     if not level.stood:
-        nothing = {one.name: np.empty((0, stories)) for one in STORY}
+        nothing = {block.name: np.empty((0, stories)) for block in STORY}
         return np.full(stories, math.nan), nothing, nothing if checked else {}
     # A residual drift has a sign.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
-    values, errors = ([one[:, :, part] for one in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
-    peaks = np.stack([_of_motion(one) for one in values], axis=-1)
-    off = [_may_add(_of_motion, *one) for one in zip(values, errors, strict=True)] if checked else []
+    values, errors = ([block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
+    peaks = np.stack([_of_motion(block) for block in values], axis=-1)
+    off = [_may_add(_of_motion, *block) for block in zip(values, errors, strict=True)] if checked else []
     return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
 
 
@@ -357,7 +357,7 @@ def _of_motion(runs: Array) -> Array:
 
 def _by_name(values: Array) -> dict[str, Array]:
     """The quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
-    return {one.name: values[:, i].T for i, one in enumerate(STORY)}
+    return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
 
 
 def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
@@ -496,7 +496,7 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         subject = plan.buildings[building].subject()
         floor_numbers(choice.floors, plan.buildings[building].stories)
         floors += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
-    return sorted(floors, key=lambda one: (one.building, one.run))
+    return sorted(floors, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
 
 
 def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:

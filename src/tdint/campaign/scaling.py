@@ -323,7 +323,7 @@ def scale(
     RecordError
         A motion is none, or zero.
     """
-    suite = [motion_of(one) for one in motions]
+    suite = [motion_of(motion) for motion in motions]
     chosen = measure_of(measure, damping) if isinstance(measure, str) else measure
     if target is not None:
         if chosen is not None or value is not None:

@@ -66,7 +66,7 @@ class Swing:
     at_high: float
 
     def __reduce__(self) -> tuple[Any, ...]:
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return _swing, ({**values, "quantity": self.quantity.name},)
 
     @property
@@ -77,7 +77,7 @@ class Swing:
 
 def _swing(values: dict[str, Any]) -> Swing:
     """One that has travelled: a quantity is found again by its name."""
-    (quantity,) = (one for one in PEAKS if one.name == values["quantity"])
+    (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
     return Swing(**{**values, "quantity": quantity})
 
 
@@ -166,7 +166,7 @@ def sensitivity(
     """
     building = model_of(model)
     given = records if isinstance(records, list | tuple) else [records]
-    motions = FoundMotions(suite_motions([record_of(one) for one in given]))
+    motions = FoundMotions(suite_motions([record_of(motion) for motion in given]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
         with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
@@ -198,7 +198,7 @@ def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
             at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
             of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
-        result += sorted(of_peak, key=lambda one: -one.swing if one.swing == one.swing else math.inf)
+        result += sorted(of_peak, key=lambda swing: -swing.swing if swing.swing == swing.swing else math.inf)
     return result
 
 
@@ -227,7 +227,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 y = np.array([values[place] for _, values in members])
                 there = np.isfinite(x) & np.isfinite(y)
                 both = x[there], y[there]
-                moving = all(np.unique(one).size > 1 for one in both)
+                moving = all(np.unique(ranks).size > 1 for ranks in both)
                 coefficient = float(spearmanr(*both)[0]) if moving else math.nan
                 correlations.append(
                     RankCorrelation(building, scale, parameter, quantity, coefficient, int(there.sum()))
@@ -238,7 +238,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     """The medians of `PEAKS` over the motions by building, and by scale if that is asked for."""
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
-    columns = ", ".join(one.column for one in PEAKS)
+    columns = ", ".join(peak.column for peak in PEAKS)
     for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     return {key: _median(np.array(rows, dtype=np.float64)) for key, rows in runs.items()}

@@ -94,7 +94,8 @@ def read_grid(grid: GridFile) -> FoundMotions:
     if grid.events:
         return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
     kept = [
-        (place, tuple(one for one in motions if one[0])) for (_, place), motions in zip(points, of_points, strict=True)
+        (place, tuple(motion for motion in motions if motion[0]))
+        for (_, place), motions in zip(points, of_points, strict=True)
     ]
     there = [(place, motions) for place, motions in kept if motions]
     places = GridMotions([place for place, _ in there], tuple(motions for _, motions in there))
@@ -125,7 +126,7 @@ def _rows_as_events(
         tuple(str(number) for number in range(1, count + 1)),
         tuple(file for file, _ in points),
         (site, event, record, np.array([row[3] for row in rows], float)),
-        [tuple((one, 1.0) for one in both) for both in records],
+        [tuple((motion, 1.0) for motion in both) for both in records],
         [place for _, place in points],
     )
 
@@ -143,7 +144,7 @@ def read_field(field_file: FieldFile) -> FoundMotions:
     places = _site_places(field_file.sites) if field_file.sites else {}
     rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
     records = _FieldRecords(field_file)
-    motions = [records.motions_of(*one, measure) for one in rows.first_lines()]
+    motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     field = FieldMotions.of_rows(
@@ -164,7 +165,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     event = _called(table, _EVENTS)
     table.need(event, "rate")
     values = table.numbers("rate")
-    table.check("rate", (one >= 0.0 for one in values), "must be zero or a positive number a year")
+    table.check("rate", (rate >= 0.0 for rate in values), "must be zero or a positive number a year")
     rates: dict[str, float] = {}
     for (line, name), value in zip(table.lines(event, empty=False), values, strict=True):
         if name in rates:
@@ -194,7 +195,7 @@ class _FieldRows:
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
         """Site, event, record and value."""
-        site, event, record = (np.frombuffer(one, np.int32) for one in (self.site, self.event, self.record))
+        site, event, record = (np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record))
         return site, event, record, np.frombuffer(self.value, np.float64)
 
     def first_lines(self) -> list[tuple[int, str, str]]:
@@ -210,7 +211,7 @@ class _FieldRows:
         again = np.flatnonzero(np.diff(key[order]) == 0)
         names, events = list(self.sites), list(self.events)
         faults = []
-        for before, place in sorted((int(order[one + 1]), int(order[one])) for one in again[:_MOST_FAULTS].tolist()):
+        for before, place in sorted((int(order[row + 1]), int(order[row])) for row in again[:_MOST_FAULTS].tolist()):
             name = names[self.site[before]]
             at = f"site {name!r}" if name else "all buildings"
             faults.append(
@@ -336,7 +337,7 @@ class _FieldRecords:
             self.failures.append(RecordError(f"{self._wanted.file}:{line}: {error}"))
             return ()
         self.motions += motions
-        return tuple((first + place, one) for place, one in enumerate(measured))
+        return tuple((first + place, value) for place, value in enumerate(measured))
 
     def _read(self, record: str, component: str) -> tuple[SuiteMotion, ...]:
         field, file = self._wanted, resolve(record, Path(self._wanted.file).parent)
@@ -347,7 +348,11 @@ class _FieldRecords:
         for error in suite.failures:
             raise error
         self.notes += suite.notes
-        self.notes += [f"{one.source}: {one.component}: {text}" for one in suite.records for text in one.warnings]
+        self.notes += [
+            f"{read_record.source}: {read_record.component}: {text}"
+            for read_record in suite.records
+            for text in read_record.warnings
+        ]
         return suite_motions(suite.motions)
 
 
@@ -360,12 +365,12 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
         raise RecordError(f"{file}: is an acceleration, its units are given as {field.choice.units}")
     motions = _components_of(Path(), file, unit.scale)
     component = named or field.choice.component
-    kept = [one for one in motions if component in (None, "", one.component)]
+    kept = [motion for motion in motions if component in (None, "", motion.component)]
     if not kept:
         raise RecordError(
-            f"{file}: has no component {component!r}; it has {', '.join(one.component for one in motions)}"
+            f"{file}: has no component {component!r}; it has {', '.join(motion.component for motion in motions)}"
         )
-    return tuple(kept if field.pairs else (replace(one, whole=one.record, direction=1) for one in kept))
+    return tuple(kept if field.pairs else (replace(motion, whole=motion.record, direction=1) for motion in kept))
 
 
 def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
@@ -380,8 +385,8 @@ def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
     """The places of rows, degrees."""
     east, north = table.numbers(longitude), table.numbers(latitude)
-    table.check(longitude, (abs(one) <= 360.0 for one in east), "must be from -360 to 360 degrees")
-    table.check(latitude, (abs(one) <= 90.0 for one in north), "must be from -90 to 90 degrees")
+    table.check(longitude, (abs(degrees) <= 360.0 for degrees in east), "must be from -360 to 360 degrees")
+    table.check(latitude, (abs(degrees) <= 90.0 for degrees in north), "must be from -90 to 90 degrees")
     return list(zip(east, north, strict=True))
 
 
@@ -398,7 +403,7 @@ def _factors(table: CsvTable) -> list[float]:
     if not table.has("factor"):
         return [1.0] * len(table.rows)
     factors = table.numbers("factor", empty=True)
-    table.check("factor", (one != 0.0 for one in factors), "must not be zero")
+    table.check("factor", (value != 0.0 for value in factors), "must not be zero")
     return [1.0 if math.isnan(factor) else factor for factor in factors]
 
 
@@ -412,7 +417,10 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     """
     records = _read_motion(folder, name, unit)
     whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
-    return [SuiteMotion(one, name, one.component, whole, direction) for direction, one in enumerate(records, start=1)]
+    return [
+        SuiteMotion(record, name, record.component, whole, direction)
+        for direction, record in enumerate(records, start=1)
+    ]
 
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
@@ -428,7 +436,7 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     for key, component in _COMPONENTS.items():
         if key in content:
             samples = content[key]
-            if not isinstance(samples, list) or not all(isinstance(one, float) for one in samples):
+            if not isinstance(samples, list) or not all(isinstance(sample, float) for sample in samples):
                 raise RecordError(f"{file}: {key} is no list of numbers")
             record = Record(np.array(samples) * scale, dt, "", "", component, str(file))
             check_possible(record.acceleration, f"{file}: {key}")

@@ -101,7 +101,7 @@ class Identity:
     @cached_property
     def digests(self) -> list[str]:
         """SHA-256 of the buildings."""
-        return [one.digest for one in self.buildings]
+        return [building.digest for building in self.buildings]
 
     @cached_property
     def code(self) -> dict[str, str]:
@@ -117,7 +117,7 @@ class Identity:
             whole.update(json.dumps(["plug-ins", self.code]).encode())
         for kind, digests in (
             ("buildings", self.digests),
-            ("records", [one.record.digest for one in self.motions]),
+            ("records", [motion.record.digest for motion in self.motions]),
         ):
             whole.update(kind.encode())
             for digest in digests:
@@ -127,7 +127,7 @@ class Identity:
     @property
     def sides(self) -> tuple[dict[str, str], ...]:
         """What `all_differences` compares."""
-        named = dict(zip((one.name for one in self.buildings), self.digests, strict=True))
+        named = dict(zip((building.name for building in self.buildings), self.digests, strict=True))
         return self.settings, named, self.record_digests(), self.code
 
     def record_digests(self) -> dict[str, str]:
@@ -319,8 +319,8 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (*((one.name, "chunk") for one in schema.ROW_TABLES), ("chunks", "id")):
-                self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
+            for table, column in (*((item.name, "chunk") for item in schema.ROW_TABLES), ("chunks", "id")):
+                self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((item,) for item in chunks))
 
     def is_ours(self, file: Path) -> bool:
         """Whether a file is there and as it was made of this store."""
@@ -365,7 +365,7 @@ class Store:
             "files": json.dumps(dict(identity.files)),
             "outputs": json.dumps(identity.outputs),
             "rates": json.dumps(dict(identity.rates)),
-            "periods": json.dumps([one.subject().period for one in identity.buildings if one.is_model]),
+            "periods": json.dumps([item.subject().period for item in identity.buildings if item.is_model]),
         }
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
         same = all(self._known(key) == value for key, value in values.items())
@@ -377,14 +377,14 @@ class Store:
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
             self.connection.execute("DELETE FROM building_types")
             of_buildings = identity.damage.buildings if identity.damage else ()
-            rows = ((number, *one) for number, one in enumerate(of_buildings))
+            rows = ((number, *item) for number, item in enumerate(of_buildings))
             self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
             self.seal()
 
     def _tell_inventory(self, identity: Identity) -> None:
         """Keep the columns of an inventory that are carried along: other ones change no run."""
         columns = identity.buildings[0].columns
-        cells = [one.cells for one in identity.buildings] if columns else []
+        cells = [building.cells for building in identity.buildings] if columns else []
         whole = hashlib.sha256(json.dumps(columns).encode())
         for cell in cells:
             whole.update(cell.encode())
@@ -674,7 +674,7 @@ def _create(store: Store, identity: Identity) -> None:
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
     if identity.code:
         about["code"] = json.dumps(identity.code)
-    if any(varied := [dict(one.varied) for one in identity.buildings]):
+    if any(varied := [dict(any_building.varied) for any_building in identity.buildings]):
         about["varied"] = json.dumps(varied)
     buildings = (
         (number, building.name, building.method, building.stories, digest)

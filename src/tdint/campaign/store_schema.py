@@ -256,14 +256,18 @@ class RowTable:
     @property
     def create_view(self) -> str:
         """What makes its view."""
-        shown = [one for one in self.columns if one not in (*_KEY, "dt_s", *self.hidden)]
+        shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
-        first = [f"{self.name}.{one}" for one in ("scale", "sample")] + method + [f"{self.name}.{one}" for one in shown]
+        first = (
+            [f"{self.name}.{column}" for column in ("scale", "sample")]
+            + method
+            + [f"{self.name}.{column}" for column in shown]
+        )
         return (
             f"CREATE VIEW {self.view} AS SELECT {', '.join(named + first)} FROM {self.name} "
             f"JOIN buildings b ON b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record "
-            f"ORDER BY {', '.join(f'{self.name}.{one}' for one in self.key)}"
+            f"ORDER BY {', '.join(f'{self.name}.{column}' for column in self.key)}"
         )
 
     def select(self, more: str = "", where: str = "") -> str:
@@ -281,7 +285,7 @@ class RowTable:
         kinds = (self.key | self.others).values()
         result = []
         for row in rows:
-            cells = [cell for one in row for cell in (one if isinstance(one, tuple) else (one,))]
+            cells = [cell for value in row for cell in (value if isinstance(value, tuple) else (value,))]
             cells += [None] * (len(kinds) - len(cells))
             typed = zip(kinds, cells, strict=True)
             result.append(tuple(None if cell is None or cell != cell else kind(cell) for kind, cell in typed))
@@ -290,7 +294,7 @@ class RowTable:
 
 def _kinds(quantities: Iterable[Quantity], name: str) -> dict[str, type]:
     """Columns of what is told beside some quantities."""
-    return {name.format(one.column): float for one in quantities}
+    return {name.format(quantity.column): float for quantity in quantities}
 
 
 RUNS = RowTable(

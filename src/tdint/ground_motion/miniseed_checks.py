@@ -306,7 +306,7 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
                 stacklevel=2,
             )
     for name in stated:
-        members = sorted((one for one in records if one.id == name and one.rate), key=lambda one: one.start)
+        members = sorted((block for block in records if block.id == name and block.rate), key=lambda block: block.start)
         slips = [
             (after.start - before.end, after.number)
             for before, after in pairwise(members)

@@ -252,7 +252,7 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
         source=" + ".join(record.source for record in records),
         notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
         warnings=tuple(dict.fromkeys(text for record in records for text in record.warnings)),
-        inputs=tuple(dict.fromkeys(one for record in records for one in record.inputs)),
+        inputs=tuple(dict.fromkeys(source for record in records for source in record.inputs)),
         units=_common([record.units for record in records], ""),
         units_from=_common([record.units_from for record in records], ""),
         quantity=_common([record.quantity for record in records], "acceleration"),
@@ -295,7 +295,7 @@ class JoinedRecord(Record):
         for shock in shocks[:-1]:
             starts.append(starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt))
         whole = one_after_another(shocks, starts)
-        plain = {one.name: getattr(whole, one.name) for one in fields(Record)}
+        plain = {field.name: getattr(whole, field.name) for field in fields(Record)}
         return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)
 
     @property

@@ -413,7 +413,7 @@ def stiffness_after_yield(story: Story) -> float:
     rule = _AFTER_YIELD.get(story.law.name)
     if rule is None:
         return math.inf
-    names = [one.name for one in LAWS[story.law.name].parameters]
+    names = [parameter.name for parameter in LAWS[story.law.name].parameters]
     return rule(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
 
 

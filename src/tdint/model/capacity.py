@@ -58,7 +58,7 @@ class CapacityCurve:
             raise UsageError(f"a capacity curve has two to four points, got {len(self.displacement)}")
         if not all(0.0 < value < math.inf for value in (*self.displacement, *self.acceleration)):
             raise UsageError("the points of a capacity curve are positive")
-        if any(later <= one for one, later in zip(self.displacement, self.displacement[1:], strict=False)):
+        if any(later <= earlier for earlier, later in zip(self.displacement, self.displacement[1:], strict=False)):
             raise UsageError("the displacements of a capacity curve rise from point to point")
 
     @classmethod
@@ -252,7 +252,7 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     table.need("class", *_POINT)
     names = table.texts("class", empty=False)
     points_of: dict[str, list[tuple[float, float]]] = {}
-    for name, *point in zip(names, *(table.numbers(one) for one in _POINT), strict=True):
+    for name, *point in zip(names, *(table.numbers(column) for column in _POINT), strict=True):
         points_of.setdefault(name, []).append((point[0], point[1]))
     flags = {
         flag: {name for name, true in zip(names, table.truths(flag), strict=True) if true}

@@ -206,7 +206,7 @@ class _Row:
         given = self._given
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
-            structure=self._word("StructureType", {one.lower(): one for one in STRUCTURES}),
+            structure=self._word("StructureType", {structure.lower(): structure for structure in STRUCTURES}),
             stories=self._whole("NumberOfStories", 1, MOST_STORIES),
             year=self._whole("YearBuilt", *YEARS),
             area=self._number("PlanArea", POSITIVE) * length**2,
@@ -347,7 +347,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 
 def _trilinear(story: Story) -> str:
     values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
-    return ", ".join([f"type: {story.law.name}", *(f"{one.name}: {value!r}" for one, value in values)])
+    return ", ".join([f"type: {story.law.name}", *(f"{parameter.name}: {value!r}" for parameter, value in values)])
 
 
 def _multilinear(story: Story, degradation: bool) -> str:

@@ -108,7 +108,9 @@ def home_of(name: str, attribute: str) -> tuple[str, str] | None:
     for module_name, module in list(sys.modules.items()):
         if module_name.startswith(_PREFIX) and module.__file__:
             listed = getattr(module, attribute, ())
-            if name in [getattr(one, "name", None) for one in (listed if isinstance(listed, Iterable) else (listed,))]:
+            if name in [
+                getattr(item, "name", None) for item in (listed if isinstance(listed, Iterable) else (listed,))
+            ]:
                 return module.__file__, digest_of(Path(module.__file__))
     return None
 
@@ -191,7 +193,9 @@ def faults_of(where: str) -> Iterator[None]:
         raise
     except BaseException as error:  # code of others, whatever it raises
         file = Path(where).name
-        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if Path(one.filename).name == file]
+        lines = [
+            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).name == file
+        ]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         try:
             text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())

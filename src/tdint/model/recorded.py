@@ -172,7 +172,7 @@ def _numbered(named: Mapping[str, tuple[Value, Any]], stories: int) -> tuple[tup
 def _tuple(sensors: Any) -> tuple[Sensor, ...]:
     """One sensor, for which a file alone may stand, or several."""
     each = sensors if isinstance(sensors, tuple) else (sensors,)
-    return tuple(Sensor(one) if isinstance(one, str) else one for one in each)
+    return tuple(Sensor(sensor) if isinstance(sensor, str) else sensor for sensor in each)
 
 
 def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:

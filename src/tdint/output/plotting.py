@@ -66,8 +66,8 @@ class _Look:
 def _of_one(picture: Callable[[Any, OutputUnits], Figure], on_axes: Callable[[Any, Any, OutputUnits], None]) -> _Look:
     """The look of a kind of which a picture shows one."""
     return _Look(
-        lambda found, units: picture(found[0], units),
-        lambda ax, found, units: on_axes(ax, found[0], units),
+        lambda results, units: picture(results[0], units),
+        lambda ax, results, units: on_axes(ax, results[0], units),
         alone=True,
     )
 
@@ -138,7 +138,7 @@ def plot(
     """
     several = list(result) if isinstance(result, list | tuple | Several) else [result]
     kind = _kind_of(several)
-    wanted = parse_output_units(units) if units else SI
+    output_units = parse_output_units(units) if units else SI
     wide = figure_width(width, "plot:") if isinstance(width, str) else width
     printed = PrintedAs(wide, font, title, tuple((label or {}).items()))
     if ax is not None:
@@ -147,12 +147,12 @@ def plot(
         if kind.on_axes is None:
             raise UsageError(f"a {type(several[0]).__name__} has no single panel: plot it without axes")
         with style_context():
-            kind.on_axes(ax, several, wanted.in_pictures)
+            kind.on_axes(ax, several, output_units.in_pictures)
         return ax
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
-        made = picture(path.suffix if path else ".png", lambda: kind.picture(several, wanted))
+        made = picture(path.suffix if path else ".png", lambda: kind.picture(several, output_units))
         figure = made.figure()
         if path is not None:
             write_files({path: lambda stream: made.save(figure, stream)}, overwrite=True)
@@ -162,12 +162,12 @@ def plot(
 
 
 def _kind_of(results: _Shown) -> _Look:
-    kinds = {type(one) for one in results}
-    found = _LOOKS.get(next(iter(kinds))) if len(kinds) == 1 else None
-    if found and (len(results) == 1 or not found.alone):
-        return found
-    what = " and ".join(sorted(one.__name__ for one in kinds)) or "nothing"
-    raise UsageError(f"{'several of ' * (len(results) > 1)}{what}: there is no picture of it")
+    kinds = {type(result) for result in results}
+    looks = _LOOKS.get(next(iter(kinds))) if len(kinds) == 1 else None
+    if looks and (len(results) == 1 or not looks.alone):
+        return looks
+    kinds_named = " and ".join(sorted(result.__name__ for result in kinds)) or "nothing"
+    raise UsageError(f"{'several of ' * (len(results) > 1)}{kinds_named}: there is no picture of it")
 
 
 def _compared(results: _Shown, units: OutputUnits) -> Figure:
@@ -177,7 +177,7 @@ def _compared(results: _Shown, units: OutputUnits) -> Figure:
 
 
 def _info(results: _Shown) -> list[RecordInfo]:
-    return [one if isinstance(one, RecordInfo) else record_info(one) for one in results]
+    return [result if isinstance(result, RecordInfo) else record_info(result) for result in results]
 
 
 _INFO = _Look(

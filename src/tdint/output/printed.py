@@ -116,9 +116,9 @@ def _told(key: str, has_value: bool) -> str:
 
 def figure_width(text: str, of: str = "--style") -> float:
     """A width in m of what is written with its unit, 90mm or 3.5in; UsageError outside of what a page has."""
-    found = _LENGTH.fullmatch(text.strip())
+    length = _LENGTH.fullmatch(text.strip())
     try:
-        width = float(found[1]) * LENGTH[found[2]] if found else 0.0
+        width = float(length[1]) * LENGTH[length[2]] if length else 0.0
     except (KeyError, ValueError):
         width = 0.0
     if not NARROWEST <= width <= WIDEST:

@@ -256,7 +256,7 @@ def damping_words(model: Model) -> str:
 
 def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]] = ()) -> Chapter:
     """Files with their SHA-256, each once, and what else has one."""
-    rows = dict.fromkeys([*((one["file"], one["sha256"]) for one in inputs), *more])
+    rows = dict.fromkeys([*((given["file"], given["sha256"]) for given in inputs), *more])
     return Chapter("Inputs", (Table(("file", _DIGEST), list(rows)),))
 
 
@@ -357,7 +357,7 @@ def _percent(error: Cell, size: Cell) -> float | None:
 def suite_page(
     plan: Plan,
     store: Store,
-    found: Sequence[Profile],
+    profiles: Sequence[Profile],
     told: Told,
     *,
     limit: float | None = None,
@@ -383,35 +383,35 @@ def suite_page(
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
-        lambda: figures.runs.profile_picture(found, units, limit=limit, title=plan.name),
+        lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
     spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
-    models = [one.subject() for one in {one.name: one for one in plan.buildings[:_MOST_MODELS]}.values()]
-    methods = ", ".join(dict.fromkeys(one.method for one in models))
-    own = plan.settings.dt
-    step = f"{methods}, steps of {own:g} s" if own else f"{methods}, steps of the models or the records"
+    models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
+    methods = ", ".join(dict.fromkeys(item.method for item in models))
+    step_given = plan.settings.dt
+    step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
     scaled, doubts = _scaling(plan, units)
     chapters = [
-        Chapter("Result", (list(told.said), *((profile,) if found else ()))),
+        Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
         Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
-        *(Chapter(f"Over the motions: {_with_level(one)}", _of_level(one, units)) for one in found),
+        *(Chapter(f"Over the motions: {_with_level(item)}", _of_level(item, units)) for item in profiles),
         Chapter("Damage", _damage(store)),
         Chapter("Spectra of floors", (spectra,) if floors else ()),
-        *(model_chapter(one.model, one.period, assemble(one.model).first_mode()[1], units) for one in models),
+        *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (_once(plan.notes),)),
         _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
     ]
-    of_records = [f"{one.record.source}: {text}" for one in plan.motions for text in one.record.warnings]
+    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
     told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
 
-def _with_level(one: Profile) -> str:
-    return ", ".join(filter(None, [one.building, one.level_text]))
+def _with_level(profile: Profile) -> str:
+    return ", ".join(filter(None, [profile.building, profile.level_text]))
 
 
 def _of_level(profile: Profile, units: OutputUnits) -> tuple[Part, ...]:
@@ -456,8 +456,8 @@ def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
     return [
-        [(plan.motions[motion].record, scale) for motion, scale in one]
-        for one in dict.fromkeys(map(tuple, levels.values()))
+        [(plan.motions[motion].record, scale) for motion, scale in level]
+        for level in dict.fromkeys(map(tuple, levels.values()))
     ]
 
 
@@ -494,7 +494,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
         words.append(f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target at the least")
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
-        wholes = {id(one.whole): (one.whole, plan.levels.by_motion[i]) for i, one in enumerate(plan.motions)}
+        wholes = {id(motion.whole): (motion.whole, plan.levels.by_motion[i]) for i, motion in enumerate(plan.motions)}
         if all(len(factors) == 1 for _, factors in wholes.values()):
             scaling = Scaling(
                 tuple(whole for whole, _ in wholes.values()),

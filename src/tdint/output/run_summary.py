@@ -187,8 +187,8 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
-    found = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
-    return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in found}
+    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
+    return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 
 def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
@@ -209,18 +209,18 @@ def _is_number(value: object) -> bool:
 def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
     """The largest demands, SI units, and the story or floor (from 1) that has them; None where unknown."""
     result: dict[str, float | int | None] = {}
-    for one in DEMANDS:
-        largest = only(one.of(stories))
-        result[one.column] = None if math.isnan(largest.value) else largest.value
-        if one.story is None:
-            result[one.of_place] = largest.place
+    for demand in DEMANDS:
+        largest = only(demand.of(stories))
+        result[demand.column] = None if math.isnan(largest.value) else largest.value
+        if demand.story is None:
+            result[demand.of_place] = largest.place
     return result
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
     """Estimated errors of the numbers in `peaks`; None where there is none."""
-    found = {f"{one.column}_error": one.error(stories, errors) for one in DEMANDS}
-    return {key: None if math.isnan(error) else error for key, error in found.items()}
+    errors_by_column = {f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS}
+    return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
@@ -290,17 +290,17 @@ def _damage(response: Response) -> dict[str, Any]:
         return {}
     from tdint.campaign.fragility.runs import damage_of_run
 
-    found = damage_of_run(response.model, response.stories, response.status)
-    assert found is not None
-    states = found.states
+    damage = damage_of_run(response.model, response.stories, response.status)
+    assert damage is not None
+    states = damage.states
     told = {
-        demand_key(states.demand): float(found.demand[0]),
-        "state": found.state[0],
+        demand_key(states.demand): float(damage.demand[0]),
+        "state": damage.state[0],
         "outcomes": [
             {"outcome": outcome, "probability": probability}
-            for outcome, probability in zip(states.outcomes, found.probability[0].tolist(), strict=True)
+            for outcome, probability in zip(states.outcomes, damage.probability[0].tolist(), strict=True)
         ],
-        **({"loss_ratio": float(found.loss[0])} if states.losses else {}),
+        **({"loss_ratio": float(damage.loss[0])} if states.losses else {}),
     }
     return {"damage": told}
 

@@ -79,7 +79,7 @@ def table_summary(
         "command": command,
         "settings": settings,
         "records": list(records),
-        "inputs": merged_inputs(one for record in records for one in record["inputs"]),
+        "inputs": merged_inputs(given for record in records for given in record["inputs"]),
         "columns": meanings,
         "versions": versions(),
     }
@@ -173,7 +173,7 @@ def json_bytes(content: dict[str, Any]) -> bytes:
 def listed_files(summary: Path) -> dict[str, str]:
     """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such summary."""
     try:
-        return {one["file"]: one["sha256"] for one in told_of(summary)["files"]}
+        return {file["file"]: file["sha256"] for file in told_of(summary)["files"]}
     except (LookupError, TypeError):
         return {}
 
@@ -220,8 +220,8 @@ def motion_summary(record: Record) -> dict[str, Any]:
 
 def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
     """Inputs of several parts, each once, by name."""
-    found = {(one["file"], one["sha256"]): dict(one) for inputs in some for one in inputs}
-    return [found[key] for key in sorted(found)]
+    merged = {(given["file"], given["sha256"]): dict(given) for inputs in some for given in inputs}
+    return [merged[key] for key in sorted(merged)]
 
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
@@ -233,8 +233,8 @@ def versions() -> dict[str, Any]:
     """Versions of tdint, of the packages it computes with, and of Python; the hash of tdint's sources; and the SHA-256
     of the files of plug-ins, by name, where there are any."""
     packages = {package: _version(package) for package in _PACKAGES}
-    own, sources = version_of_sources()
-    told = {"tdint": own, **packages, "python": platform.python_version(), "sources": sources}
+    own_version, sources = version_of_sources()
+    told = {"tdint": own_version, **packages, "python": platform.python_version(), "sources": sources}
     return told | ({"plugins": code_of(CODE)} if CODE else {})
 
 
@@ -278,7 +278,7 @@ def chart_summary(
         "timing": [_timing(chart.timing) for chart in charts],
         "references": [_reference(chart) for chart in charts],
         "peers": [asdict(peer) for chart in charts for peer in chart.peers],
-        "recommended": [_advice(one, target) for one in advice],
+        "recommended": [_advice(advised, target) for advised in advice],
         "usual": _point(charts[0].usual, target) if len(charts) == 1 else None,
         "notes": list(notes),
         "columns": meanings,
@@ -296,17 +296,17 @@ def field_summary(
         "schema": schema("profiles"),
         "command": "chart",
         "problems": [
-            {name: getattr(one, name) for name in names}
+            {name: getattr(case, name) for name in names}
             | {
                 "reference": "impulse4, 32 steps an interval",
-                "gap": asdict(one.gap),
+                "gap": asdict(case.gap),
                 "points": [
                     [point.method, point.dt, point.outcome, point.iterations, point.fastest]
-                    + [point.error(quantity) for quantity in asdict(one.gap)]
-                    for point in one.points
+                    + [point.error(quantity) for quantity in asdict(case.gap)]
+                    for point in case.points
                 ],
             }
-            for one in chart.measured
+            for case in chart.measured
         ],
         "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{name}_error" for name in _OF_PEAKS)],
         "recommended": chart.leaders()._asdict(),
@@ -344,8 +344,8 @@ def _timing(timing: Timing) -> Mapping[str, Any]:
 
 
 def _advice(advice: Advice, target: str) -> dict[str, Any]:
-    found = _point(advice.point, target) if advice.point else {"method": None}
-    return {"limit": advice.limit, **found, "ties": [_point(tie, target) for tie in advice.ties]}
+    summary = _point(advice.point, target) if advice.point else {"method": None}
+    return {"limit": advice.limit, **summary, "ties": [_point(tie, target) for tie in advice.ties]}
 
 
 def _point(point: Point, target: str) -> dict[str, Any]:
@@ -385,23 +385,25 @@ def comparison_summary(
     return {
         "schema": schema("compare"),
         "name": model.name,
-        "events": [_event(one) for one in comparisons],
+        "events": [_event(comparison) for comparison in comparisons],
         "fit": _fit(fitted, units),
         "settings": dict(settings),
-        "inputs": inputs_summary([model_input(model), *(file for one in comparisons for file in _inputs(one))]),
+        "inputs": inputs_summary(
+            [model_input(model), *(file for comparison in comparisons for file in _inputs(comparison))]
+        ),
         "columns": comparison_table(comparisons).meanings,
         "versions": versions(),
     }
 
 
-def _inputs(one: Comparison) -> list[Any]:
-    return [input_of(one.event.recording.source, one.event.recording.text), *one.event.inputs]
+def _inputs(comparison: Comparison) -> list[Any]:
+    return [input_of(comparison.event.recording.source, comparison.event.recording.text), *comparison.event.inputs]
 
 
-def _event(one: Comparison) -> dict[str, Any]:
+def _event(comparison: Comparison) -> dict[str, Any]:
     from tdint.analysis.compare import absolute_displacements
 
-    event, response = one.event, one.response
+    event, response = comparison.event, comparison.response
     return {
         "name": event.recording.name,
         "method": response.method,
@@ -410,7 +412,7 @@ def _event(one: Comparison) -> dict[str, Any]:
         "base": {"dt_s": event.base.dt, "samples": event.count, "pga_m_s2": event.base.pga},
         "band_hz": list(event.recording.band) if event.recording.band else None,
         "window_s": list(event.recording.window) if event.recording.window else None,
-        "shift_s": one.shift,
+        "shift_s": comparison.shift,
         "floors": [
             {
                 "floor": floor.floor,
@@ -420,10 +422,10 @@ def _event(one: Comparison) -> dict[str, Any]:
                 "peak_ratio": floor.peak_ratio,
                 "rms_difference": floor.rms_difference,
             }
-            for floor in one.floors
+            for floor in comparison.floors
         ],
         "notes": [*event.notes, *response.notes],
-        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(one)],
+        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(comparison)],
     }
 
 

@@ -4,8 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from tdint.analysis.assessment.stability import EXACT_POWERS, STARTS, overshoot, verdict
+from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 
 # Powers of omega h in the first step as omega h goes to infinity, without damping: u and h v from u0, u and h v from
@@ -154,3 +157,77 @@ def test_a_motion_that_runs_away_ends_in_nan():
 
 def test_powers_of_the_exact_motion_are_the_bound():
     assert [power for pair in EXACT_POWERS.values() for power in pair] == list(POWERS["exact"])
+
+
+# ---- Nonlinear motion: hardening u'' + 100 u (1 + 10 u^2) = 0 up to 1.5 m, softening u'' + 100 tanh u = 0 up to 4 m
+
+SPRINGS = {"hardening": lambda u: 100.0 * u * (1.0 + 10.0 * u**2), "softening": lambda u: 100.0 * math.tanh(u)}
+PULLED = {"hardening": 1.5, "softening": 4.0}
+FASTEST = {
+    "hardening": math.sqrt(100.0 * 1.5**2 + 500.0 * 1.5**4),
+    "softening": math.sqrt(200.0 * math.log(math.cosh(4.0))),
+}
+"""m/s, with the same energy."""
+
+
+@pytest.mark.parametrize("law", SPRINGS)
+@pytest.mark.parametrize("start", STARTS)
+def test_fine_steps_follow_the_exact_nonlinear_motion(law, start):
+    """Against SciPy's DOP853, over a swing and more; the exact motion reaches both its largest values."""
+    dt_over_t, steps = 0.002, 1000
+    motion = overshoot("gauss4", start, dt_over_t, steps, law=law)
+    h = 2.0 * math.pi / 10.0 * dt_over_t
+    first = [PULLED[law], 0.0] if start == "displacement" else [0.0, FASTEST[law]]
+    exact = solve_ivp(
+        lambda _, y: [y[1], -SPRINGS[law](y[0])],
+        (0.0, steps * h),
+        first,
+        method="DOP853",
+        t_eval=np.linspace(0.0, steps * h, steps + 1),
+        rtol=1e-11,
+        atol=1e-11,
+    )
+    np.testing.assert_allclose(motion.displacement, exact.y[0] / PULLED[law], atol=1e-4)
+    np.testing.assert_allclose(motion.velocity, exact.y[1] / FASTEST[law], atol=1e-4)
+    assert motion.largest == pytest.approx((1.0, 1.0), abs=2e-3)
+
+
+@pytest.mark.parametrize("law", SPRINGS)
+def test_the_first_step_of_average_acceleration_in_nonlinear_motion(law):
+    """From the velocity V: 4 (u1 - h V) / h^2 + f(u1) = 0, for a(0) = 0."""
+    dt_over_t = 10.0
+    h = 2.0 * math.pi / 10.0 * dt_over_t
+    force, fastest = SPRINGS[law], FASTEST[law]
+    u1 = brentq(lambda u: 4.0 * (u - h * fastest) / h**2 + force(u), 0.0, h * fastest, xtol=1e-14)
+    motion = overshoot("newmark-average", "velocity", dt_over_t, 1, law=law)
+    assert motion.displacement[1] == pytest.approx(u1 / PULLED[law], rel=1e-9, abs=1e-9)
+    assert math.isnan(motion.displacement_power)
+
+
+def test_average_acceleration_overshoots_in_nonlinear_motion():
+    """What it never does in linear motion; the figures of the README."""
+    hardening = overshoot("newmark-average", "displacement", 0.3, law="hardening")
+    softening = overshoot("newmark-average", "velocity", 10.0, law="softening")
+    assert hardening.largest[1] == pytest.approx(1.65, abs=0.005)
+    assert softening.largest[0] == pytest.approx(24.8, abs=0.05)
+
+
+@pytest.mark.parametrize("law", SPRINGS)
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("dt_over_t", [0.1, 0.3, 1.0, 10.0])
+def test_moment4_does_not_overshoot_in_nonlinear_motion(law, start, dt_over_t):
+    """It keeps the energy at any step, and the exact largest values are those of the energy."""
+    largest = overshoot("moment4", start, dt_over_t, 50, law=law).largest
+    assert max(largest) <= 1.0 + 1e-6
+
+
+def test_what_ran_away_is_infinitely_large():
+    assert overshoot("central-difference", "displacement", law="hardening").largest == (math.inf, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("method", "law", "words"), [("hht", "bent", "linear, hardening"), ("exact", "softening", "linear")]
+)
+def test_a_law_that_there_is_not(method, law, words):
+    with pytest.raises(UsageError, match=words):
+        overshoot(method, law=law)

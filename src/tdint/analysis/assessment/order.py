@@ -354,8 +354,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
     except AnalysisError as error:
         told = tuple(yielding.values()) or (str(error),)
         return MethodCheck(integrator, math.nan, math.nan, math.nan, told)
-    orders = [one.order(quantity) for one in observed for quantity in ("displacement", "velocity")]
-    order = min((one for one in orders if not math.isnan(one)), default=math.nan)
+    orders = [order_seen.order(quantity) for order_seen in observed for quantity in ("displacement", "velocity")]
+    order = min((order_seen for order_seen in orders if not math.isnan(order_seen)), default=math.nan)
     limit = critical_step(integrator)
     with np.errstate(all="ignore"):
         fast = stability(integrator, np.array([_FAST / (2.0 * math.pi)])).spectral_radius
@@ -525,7 +525,7 @@ def _faults_in(module: Any, name: str) -> Iterator[None]:
         raise
     except Exception as error:
         file = getattr(module, "__file__", None) or ""
-        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
         place = f"{file}:{lines[-1]}" if lines else name
         kind = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
         raise AnalysisError(f"{place}: {kind}{error}") from None

@@ -76,6 +76,8 @@ class Example:
         Those of the paper.
     remark : str
         How the methods rank, against what the paper says.
+    drawn_as : int
+        The figure of the paper that shows the building; 0 for none.
     """
 
     number: int
@@ -85,6 +87,7 @@ class Example:
     exact_dt: float
     figures: tuple[ExampleFigure, ...]
     remark: str
+    drawn_as: int = 0
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ def examples() -> Mapping[int, Example]:
             0.001,
             (ExampleFigure(10, 1), ExampleFigure(11, 2), ExampleFigure(12, 2, is_error=True)),
             _REMARKS[2],
+            drawn_as=9,
         ),
         3: Example(
             3,
@@ -197,6 +201,7 @@ def examples() -> Mapping[int, Example]:
             0.002,
             (ExampleFigure(14, 1), ExampleFigure(15, 150), ExampleFigure(16, 1, is_error=True)),
             _REMARKS[3],
+            drawn_as=13,
         ),
     }
 
@@ -356,4 +361,6 @@ def paper_examples(
     if unknown := [number for number in numbers if number not in by_number]:
         raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}")
     integrators = default_integrators() if methods is None else chosen(methods)
-    return Several([run for one in numbers for dt in dts for run in run_example(by_number[one], dt, integrators)])
+    return Several(
+        [run for of_paper in numbers for dt in dts for run in run_example(by_number[of_paper], dt, integrators)]
+    )

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.building import oscillators
+from tdint.model.building import assemble, oscillators
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -187,6 +188,12 @@ _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
 _FAR = 1e3  # omega h by which an unstable method has left the unit circle
 _TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
 
+LAWS = ("linear", "hardening", "softening")
+"""Restoring forces of the oscillator: linear, or of the problem of that name (`tdint.analysis.assessment.failures`)."""
+
+BEYOND = 0.01
+"""A method overshoots in nonlinear motion where its steps pass the largest exact value by more than this part."""
+
 
 @dataclass(frozen=True, repr=False)
 class Overshoot(Tabular):
@@ -194,12 +201,14 @@ class Overshoot(Tabular):
 
     Attributes
     ----------
+    law : str
+        One of `LAWS`.
     displacement, velocity : ndarray
-        u over U and v over omega U with the amplitude U of the exact undamped motion, |u(0)| or |v(0)| / omega: the
-        exact motion stays within -1 and 1. nan after a response that ran away.
+        u over U and v over V, the largest values of the exact undamped motion: it stays within -1 and 1. nan after a
+        response that ran away.
     displacement_power, velocity_power : float
         p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the step leaves nothing.
-        The exact motion has `EXACT_POWERS`.
+        The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
     """
 
     method: str
@@ -210,10 +219,18 @@ class Overshoot(Tabular):
     velocity: Array
     displacement_power: float
     velocity_power: float
+    law: str = "linear"
 
     def _headline(self) -> str:
         steps = how_many(self.displacement.size - 1, "step")
-        return f"of {self.method} from a {self.start}, dt/T {self.dt_over_t:g}, {steps}"
+        return f"of {self.method} from a {self.start}, {self.law}, dt/T {self.dt_over_t:g}, {steps}"
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """Largest displacement and velocity of the steps, over those of the exact motion; infinite after a response
+        that ran away."""
+        u, v = (float(np.max(np.abs(values))) for values in (self.displacement, self.velocity))
+        return (math.inf, math.inf) if math.isnan(u + v) else (u, v)
 
     @property
     def growing(self) -> set[str]:
@@ -229,8 +246,12 @@ def overshoot(
     dt_over_t: float = 10.0,
     steps: int = 10,
     damping: float = 0.0,
+    law: str = "linear",
 ) -> Overshoot:
     """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth.
+
+    A nonlinear oscillator starts with the energy of its problem in `tdint.analysis.assessment.failures`; it has no
+    powers, for its motion depends on its size.
 
     Parameters
     ----------
@@ -239,11 +260,13 @@ def overshoot(
     start : str
         A key of `STARTS`.
     dt_over_t : float
-        Step over undamped period.
+        Step over undamped period; of a nonlinear law that of small vibrations.
     steps : int
         How many.
     damping : float
-        Damping ratio, in [0, 1).
+        Damping ratio, in [0, 1); of a nonlinear law that of small vibrations.
+    law : str
+        One of `LAWS`.
 
     Returns
     -------
@@ -253,11 +276,15 @@ def overshoot(
     Raises
     ------
     UsageError
-        An unknown method or start.
+        An unknown method, start or law; a method for linear buildings with a nonlinear law.
     """
     method = parse(method) if isinstance(method, str) else method
     if start not in STARTS:
         raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
+    if law not in LAWS:
+        raise UsageError(f"the law of an oscillator is one of {', '.join(LAWS)}, got {law!r:.60}")
+    if law != "linear":
+        return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
@@ -302,9 +329,35 @@ def _first_steps(method: Integrator, start: str, omega_h: Array, steps: int, dam
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
-    marched = prepared.march(method, Steps(1.0, steps), rows=steps)
-    n = building.stories
+    return _marched(prepared, method, Steps(1.0, steps)) / _TINY
+
+
+def _nonlinear_overshoot(
+    method: Integrator, start: str, dt_over_t: float, steps: int, damping: float, law: str
+) -> Overshoot:
+    """The steps of the oscillator of a problem, from its displacement or from the velocity of the same energy."""
+    if method.family.linear_only:
+        raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
+    problem = problems()[law]
+    (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement
+    velocity = math.sqrt(2.0 * problem.energy_scale / story.mass)
+    omega = math.sqrt(story.stiffness / story.mass)  # of small vibrations
+    damped = replace(story, dashpot=2.0 * damping * omega * story.mass)
+    own = np.multiply(STARTS[start], (displacement, velocity))
+    prepared = PreparedBuilding(
+        assemble(replace(problem.model, stories=(damped,))), displacement=own[0], velocity=own[1]
+    )
+    u, v = _marched(prepared, method, Steps(2.0 * math.pi * dt_over_t / omega, steps))[:, :, 0]
+    powers = (math.nan, math.nan)
+    return Overshoot(method.label, dt_over_t, damping, start, u / displacement, v / velocity, *powers, law)
+
+
+def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
+    """Displacements and velocities of the floors at the steps, shape (2, steps + 1, n); nan after a response that ran
+    away."""
+    marched = prepared.march(method, steps, rows=steps.count)
+    n = prepared.building.stories
     history = marched.space.history
     if marched.code < 0:
         history[1:][~history[1:].any(axis=1)] = math.nan  # never written
-    return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]]) / _TINY
+    return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]])

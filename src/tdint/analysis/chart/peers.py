@@ -201,8 +201,8 @@ def _point(
     )
     motion = FloorMotion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
     times = tuple(got["times"].tolist())
-    found = errors(motion, reference.motion)
-    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found, times, line=line)
+    found_errors = errors(motion, reference.motion)
+    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found_errors, times, line=line)
 
 
 _OPENSEES_SETTINGS = (
@@ -321,21 +321,21 @@ def _solve(
     rate = _rate(problem, law, begin + seconds)
     try:
         near = {"rtol": tolerance, "atol": tolerance * np.concatenate(sizes)}
-        found = solve_ivp(rate, (0.0, times[-1]), start, method=method, t_eval=times, **near)
+        solution = solve_ivp(rate, (0.0, times[-1]), start, method=method, t_eval=times, **near)
     except _TooLong:
         return None
     taken = system.seconds() - begin
     name, line = f"scipy/{method}:rtol={tolerance:g}", f"scipy/{method}"
-    if not found.success:
+    if not solution.success:
         return Point(name, math.nan, None, "not-converged", line=line)
-    u, v = found.y[:n].T, found.y[n : 2 * n].T
+    u, v = solution.y[:n].T, solution.y[n : 2 * n].T
     quiet = _rate(problem, law, math.inf)
-    a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, found.y.T, strict=True)])
+    a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, solution.y.T, strict=True)])
     size = min(times.size, problem.ground.size)  # A duration may end before the record does, or after.
     ground = np.interp(times, times[:size], problem.ground[:size], right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
     motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
-    return Point(name, math.nan, None, DONE, int(found.nfev), errors(motion, true), (taken,), line=line)
+    return Point(name, math.nan, None, DONE, int(solution.nfev), errors(motion, true), (taken,), line=line)
 
 
 def with_plugins(
@@ -396,10 +396,13 @@ def with_peers(
     Their errors are against the same reference; their times are those of their analysis loops alone.
     """
     progress("openseespy", 0.0)
-    own, notes = openseespy_points(problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats)
+    openseespy, notes = openseespy_points(problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats)
     progress("scipy", 0.5)
     others, more = solve_ivp_points(problem, chart.reference)
-    return replace(chart, points=(*chart.points, *own, *others), peers=peers_of([*own, *others])), [*notes, *more]
+    return replace(chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others])), [
+        *notes,
+        *more,
+    ]
 
 
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:

@@ -164,7 +164,7 @@ DEMANDS: tuple[Demand, ...] = (*DECLARED, *_further())
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:
     """The largest demands in the building."""
-    return Demands(**{one.name: only(one.of(stories)) for one in DECLARED})
+    return Demands(**{demand.name: only(demand.of(stories)) for demand in DECLARED})
 
 
 class DemandsOfRuns:

@@ -117,7 +117,7 @@ STORY = quantities(StoryValues)
 
 def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
     """The quantities of all stories by their names."""
-    return {one.name: one.value(building, peaks, end) for one in STORY if one.value}
+    return {quantity.name: quantity.value(building, peaks, end) for quantity in STORY if quantity.value}
 
 
 @dataclass(frozen=True, repr=False)
@@ -333,7 +333,7 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
         return None
     if isinstance(parts[0], np.ndarray):
         return join(parts)
-    names = [one.name for one in fields(parts[0])]
+    names = [member.name for member in fields(parts[0])]
     return type(parts[0])(**{name: _joined([getattr(part, name) for part in parts], join) for name in names})
 
 

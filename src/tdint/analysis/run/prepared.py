@@ -223,7 +223,7 @@ class PreparedBuilding:
         progress : callable
             Told how much is done, from 0 to 1.
         """
-        obtain([one for integrator in integrators for one in kernels(integrator, self.variant)], progress)
+        obtain([kernel for integrator in integrators for kernel in kernels(integrator, self.variant)], progress)
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Coefficients of the method's step for this building and the step h (s)."""
@@ -438,7 +438,7 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """The compiled loop over some of the runs with all its arrays: takes those, where to leave what, and a rest."""
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
-        before = *(one.variant(self.variant) for one in called), HALVINGS if integrator.family.halvable else 0, h
+        before = *(kernel.variant(self.variant) for kernel in called), HALVINGS if integrator.family.halvable else 0, h
         building = self.building
         behind = (
             self.coefficients(integrator, h),
@@ -581,14 +581,18 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
     prepared = PreparedBuilding.of(model)
     apart = kernels_apart(prepared.building.law_parameters)
     others = (peaks, *apart)
-    return [*kernels(integrator, prepared.variant), (follow, prepared.variant), *((one, EVERYTHING) for one in others)]
+    return [
+        *kernels(integrator, prepared.variant),
+        (follow, prepared.variant),
+        *((kernel, EVERYTHING) for kernel in others),
+    ]
 
 
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
-    steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
+    steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
     families = {parse(name).family.name: parse(name).family for name in catalogue()}
-    steps += [(one.with_error.step, EVERYTHING) for one in families.values() if one.with_error]
+    steps += [(item.with_error.step, EVERYTHING) for item in families.values() if item.with_error]
     others = (many, march_in_strides, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 

@@ -217,14 +217,14 @@ class _Search:
         if run is not None:
             reason = doubt(run, self.case.building)
             others = map(self._telling, range(level + 1, level + FINER + 1))
-            return told_by_finer(run, (one for one in others if one is not None), reason) if reason else run
+            return told_by_finer(run, (half for half in others if half is not None), reason) if reason else run
         for finer_level in range(level, level + FINER + 1):
             if finer_level not in self.runs:
                 self.runs[finer_level] = attempt(self.case, self.steps(finer_level))
         response = self.runs[level]
         if isinstance(response, FailedRun):
             return response
-        return with_check(response, [self.runs[level + one] for one in range(1, FINER + 1)])
+        return with_check(response, [self.runs[level + half] for half in range(1, FINER + 1)])
 
     def _telling(self, level: int) -> Response | FailedRun | None:
         """The run of a level, which tells its error unless it was made to tell that of another; None if none does."""

@@ -77,7 +77,7 @@ class Outcomes:
 
     def stories_of(self, i: int) -> StoryPeaks:
         """The peaks of a run."""
-        values = {one.name: getattr(self.stories, one.name)[i] for one in STORY}
+        values = {quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY}
         return StoryPeaks(height=self.stories.height, **values)
 
     def settle(self, i: int, attempt: Callable[[], Settled]) -> None:

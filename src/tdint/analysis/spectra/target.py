@@ -467,7 +467,7 @@ def read_published(source: str | Path, damping: float, column: str | None = None
 
 def differences(spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool) -> list[SpectrumDifference]:
     """Computed spectra beside a published one."""
-    return [SpectrumDifference(one, published, published.at(one.periods, log_log)) for one in spectra]
+    return [SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log)) for spectrum in spectra]
 
 
 def _period_column(table: NamedTable) -> tuple[int, float]:

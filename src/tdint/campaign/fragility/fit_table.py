@@ -102,17 +102,17 @@ class FragilityResult(Tabular):
     @property
     def disagreements(self) -> list[str]:
         """Where functions and counts part by more than their scatter allows."""
-        return [text for one in self.functions if (text := one.disagreement)]
+        return [text for function in self.functions if (text := function.disagreement)]
 
     @classmethod
     def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
         """What came of several fits."""
         every = list(results)
-        functions = tuple(one for one in every if isinstance(one, Fragility))
-        return cls(functions, tuple(one for one in every if isinstance(one, AnalysisError)), warnings)
+        functions = tuple(fit for fit in every if isinstance(fit, Fragility))
+        return cls(functions, tuple(fit for fit in every if isinstance(fit, AnalysisError)), warnings)
 
     def _headline(self) -> str:
-        medians = ", ".join(f"{one.theta:.4g} {one.unit}".rstrip() for one in self.functions)
+        medians = ", ".join(f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions)
         return f"of {how_many(len(self.functions), 'function')}, medians {medians}"
 
 
@@ -245,7 +245,7 @@ def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
     if not table.has("damage"):
         return [(math.nan, np.ones(len(table.rows), bool))]
     damage = np.array(table.numbers("damage"))
-    return [(one, damage == one) for one in np.unique(damage).tolist()]
+    return [(value, damage == value) for value in np.unique(damage).tolist()]
 
 
 def _of_state(damage: float, function: Fragility | AnalysisError) -> Fragility | AnalysisError:
@@ -275,9 +275,9 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         of = runs.result
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
         result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
-        of_cloud = tuple(replace(one, failed=lost) for one in result.functions)
+        of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
         return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
-    functions = [_tried(one, runs.names, partial(_of_stripes, runs, one)) for one in request.thresholds]
+    functions = [_tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds]
     warnings[0] += (
         ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
     )
@@ -376,8 +376,8 @@ def _cloud(
     low, high = request.edp_range
     kept = edp >= low
     # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
-    told = [kept & ~(censored & (edp < one)) for one in request.thresholds]
-    beyond = [((edp > one) | censored).astype(float) for one in request.thresholds]
+    told = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
+    beyond = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = (censored | (edp >= high))[kept]
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
     try:
@@ -388,7 +388,7 @@ def _cloud(
         function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
         for function, of, over in zip(functions, told, beyond, strict=True)
     ]
-    return FragilityResult(tuple(one.named(one.threshold, im_name, unit) for one in counted))
+    return FragilityResult(tuple(fit.named(fit.threshold, im_name, unit) for fit in counted))
 
 
 def _by_threshold(
@@ -409,7 +409,7 @@ def _by_threshold(
     for threshold in request.thresholds or there:
         rows = np.isclose(thresholds, threshold, rtol=SAME_LEVEL, atol=0.0)
         if not rows.any():
-            listed = ", ".join(f"{one:g}" for one in there)
+            listed = ", ".join(f"{drift:g}" for drift in there)
             raise UsageError(f"{table.source}: has no threshold {threshold:g}; there are {listed}")
         functions.append(_tried(threshold, names, partial(fit, rows)))
     return functions
@@ -635,11 +635,11 @@ def _beyond(runs: TypeRuns) -> Array:
 
 def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
     """Of probabilities of exceedance at levels."""
-    over = _beyond(runs)[taken]
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
-    return [_type_tried(partial(fit_stripes, im, np.minimum(np.bincount(place, one), total), total)) for one in over.T]
+    beyond = (np.minimum(np.bincount(place, row), total) for row in _beyond(runs)[taken].T)
+    return [_type_tried(partial(fit_stripes, im, count, total)) for count in beyond]
 
 
 def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:

@@ -133,7 +133,7 @@ def run_measure(text: str) -> RunMeasure:
     try:
         return kinds[name](rest)
     except (UsageError, ValueError) as error:
-        form = next(one for one in _FORMS if re.match(rf"{name}[:\[]", one))
+        form = next(possible for possible in _FORMS if re.match(rf"{name}[:\[]", possible))
         raise UsageError(f"{text!r}: {error}; write {form}") from None
 
 
@@ -149,7 +149,7 @@ def _period(text: str) -> float | None:
 
 def _named(*parts: object) -> str:
     """A name of a column: parts with _ between them, p for the decimal point."""
-    return "_".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts).replace(".", "p")
+    return "_".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts).replace(".", "p")
 
 
 def _spectral(rest: str) -> RunMeasure:
@@ -255,7 +255,7 @@ class RunIntensities:
     def __init__(self, store: Store, folder: Path, measure: RunMeasure) -> None:
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
-        self._names = {number: one[:2] for number, one in records.items()}
+        self._names = {number: keys[:2] for number, keys in records.items()}
         self._pairs = {number: number - 1 for number, (*_, direction) in records.items() if direction > 1}
         settings = {name: json.loads(value) for name, value in store.settings().items()}
         self._levels = sorted(settings["levels"], key=abs) if self._is_levelled(settings) else []
@@ -410,7 +410,7 @@ def compare_measures(
         parts = {about: values[taken] for about, values in logarithms.items()}
         fit = line(np.log(im[taken]), np.log(drift[taken]), parts, name, motions[taken])
         fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~taken))))
-    return sorted(fits, key=lambda one: one.beta)
+    return sorted(fits, key=lambda compared: compared.beta)
 
 
 def line(
@@ -451,7 +451,7 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     inverse = np.linalg.inv(design.T @ design)
     solution = inverse @ design.T @ y
     left = design * (y - design @ solution)[:, np.newaxis]
-    sums = np.column_stack([np.bincount(place, one, groups) for one in left.T])
+    sums = np.column_stack([np.bincount(place, column, groups) for column in left.T])
     variance = (inverse @ sums.T @ sums @ inverse)[1, 1] * groups / (groups - 1) * (count - 1) / (count - 2)
     return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance))) if variance > 0.0 else 0.0
 
@@ -476,7 +476,7 @@ def of_pairs(table: CsvTable, im: Array) -> Array:
     """The intensities of the runs of a table, with that of both components of a pair, their geometric mean."""
     with _store_beside(table) as store:
         records = store.records() if store is not None else {}
-    seconds = {one[:2]: records[number - 1][:2] for number, one in records.items() if one[2] > 1}
+    seconds = {run_keys[:2]: records[number - 1][:2] for number, run_keys in records.items() if run_keys[2] > 1}
     if not seconds:
         return im
     result, keys = im.copy(), _keys(table)
@@ -568,11 +568,11 @@ def _characteristics(table: CsvTable, file: str | Path | None) -> tuple[dict[str
         raise ModelError(f"{file}: {_NEEDS}")
     by_name = {name: dict(zip(records, given.numbers(name), strict=True)) for name in names}
     records_of_runs = table.texts("record")
-    missing = [one for one in dict.fromkeys(records_of_runs) if one not in set(records)]
+    missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
     if missing:
         raise ModelError(f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv")
     events = None
     if given.has("event"):
         event = dict(zip(records, given.texts("event", empty=False), strict=True))
-        events = np.unique([event[one] for one in records_of_runs], return_inverse=True)[1]
-    return {name: np.array([values[one] for one in records_of_runs]) for name, values in by_name.items()}, events
+        events = np.unique([event[key] for key in records_of_runs], return_inverse=True)[1]
+    return {name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()}, events

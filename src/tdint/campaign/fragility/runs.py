@@ -46,7 +46,7 @@ _COLUMNS = {one.name: one.column for one in RUN}
 def stored_states(store: Store) -> dict[str, DamageStates]:
     """The damage states of each type of a store; empty where nothing is said of damage."""
     said = json.loads(store.damage() or "{}")
-    return {name: DamageStates.of_json(one) for name, one in said.get("types", {}).items()}
+    return {name: DamageStates.of_json(stored) for name, stored in said.get("types", {}).items()}
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ class _Group:
             rows = np.array(list(self._money.values()))
             value = float(rows[:, 0].sum())
             if value > 0.0:
-                money = Mean(*(value * one for one in _mean(rows)))
+                money = Mean(*(value * value_of_type for value_of_type in _mean(rows)))
         return TypeDamage(
             name,
             building,

@@ -180,7 +180,7 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     rows of a class one has them; the others may repeat them or be empty."""
     table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
-    there = (one for one in suffixes if table.has(*(f"{state}{one}" for state in request.states)))
+    there = (ending for ending in suffixes if table.has(*(f"{state}{ending}" for state in request.states)))
     suffix = next(there, next(iter(suffixes)))
     columns = {state: f"{state}{suffix}" for state in request.states}
     if request.dispersion is None:
@@ -264,7 +264,7 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
     ModelError
         A type has no states, or its buildings have not what the demand is made of.
     """
-    models = [one.made.model for one in buildings if isinstance(one, GivenBuilding)]
+    models = [given.made.model for given in buildings if isinstance(given, GivenBuilding)]
     if request is None and not any(model.damage for model in models):
         return None
     types: dict[str, DamageStates] = {}
@@ -326,7 +326,7 @@ _HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
     """The states that a model says for itself, which are those of the others by name and demand."""
-    first = next(one.damage for one in models if one.damage)
+    first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
         raise ModelError(f"{model.source}: says nothing of `damage`, as other models of the campaign do")
     assert first is not None

@@ -104,7 +104,7 @@ def read_cosmos(lines: Lines) -> list[Series]:
     lines.take()
     if not series and others:  # A channel that has a velocity or a displacement only.
         return [_series(*others[0], texts, integers, reals)]
-    return [replace(one, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for one in series]
+    return [replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for part in series]
 
 
 def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:

@@ -175,7 +175,7 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
 
 def _distinct(series: Sequence[Series]) -> list[Series]:
     """Components that share an id are told apart by their number in the file, as location code."""
-    count = Counter(one.id for one in series)
+    count = Counter(channel.id for channel in series)
     return [
         part if count[part.id] == 1 else replace(part, location=f"{part.location}{i}")
         for i, part in enumerate(series, start=1)

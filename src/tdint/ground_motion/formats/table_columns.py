@@ -121,7 +121,11 @@ def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
 
 def _named(words: str, names: tuple[ColumnName, ...]) -> int:
     name = " ".join(words.lower().split())
-    ways = [[one.text.lower() for one in names], [one.plain for one in names], [one.component.lower() for one in names]]
+    ways = [
+        [column.text.lower() for column in names],
+        [column.plain for column in names],
+        [column.component.lower() for column in names],
+    ]
     for way in ways:
         places = [place for place, text in enumerate(way) if text == name]
         if len(places) == 1:
@@ -129,7 +133,7 @@ def _named(words: str, names: tuple[ColumnName, ...]) -> int:
         if places:
             numbers = " and ".join(str(place + 1) for place in places)
             raise RecordError(f"columns {numbers} are called {words[:40]!r}; give the number")
-    raise RecordError(f"there is no column {words[:40]!r}; there are {', '.join(one.text[:40] for one in names)}")
+    raise RecordError(f"there is no column {words[:40]!r}; there are {', '.join(column.text[:40] for column in names)}")
 
 
 def lacks_first_name(line: str) -> bool:

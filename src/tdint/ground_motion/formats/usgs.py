@@ -109,7 +109,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     year_told, month_told, day_told = map(float, told.groups())
     event = moment(year_told, month_told, day_told, 12, 0, 0)
     by_month = _moment(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
-    fitting = (one for one in (by_day, by_month) if one and event and abs(one - event) <= _NEAR)
+    fitting = (date for date in (by_day, by_month) if date and event and abs(date - event) <= _NEAR)
     return next(fitting, None)
 
 

@@ -294,7 +294,9 @@ def plugins() -> tuple[Plugin, ...]:
 def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
     by_name = {(entry.group, entry.name): entry for entry in entries}
     for name in names:
-        is_format, read_format = (by_name.get((f"{_GROUP}.{name}", one)) for one in ("isFormat", "readFormat"))
+        is_format, read_format = (
+            by_name.get((f"{_GROUP}.{name}", function)) for function in ("isFormat", "readFormat")
+        )
         if is_format and read_format:
             yield Plugin(name, is_format, read_format)
 

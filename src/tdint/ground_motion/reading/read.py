@@ -315,7 +315,7 @@ def read_horizontals(
     from tdint.ground_motion.horizontals import find_horizontals
 
     read = partial(read_records, units=units, inventory=inventory, layout=layout)
-    return find_horizontals([one for source in sources for one in read(source)])
+    return find_horizontals([component for source in sources for component in read(source)])
 
 
 def _read(
@@ -333,7 +333,10 @@ def _read(
     components, input_file = _components(source, component, layout, single=single)
     instruments = None if inventory is None else _instruments(inventory)
     inputs = (input_file, *([instruments.input] if instruments else []))
-    return tuple(replace(_to_record(one, trace, parsed, instruments), inputs=inputs) for one, trace in components)
+    return tuple(
+        replace(_to_record(read_component, trace, parsed, instruments), inputs=inputs)
+        for read_component, trace in components
+    )
 
 
 def _instruments(inventory: str | Path) -> Instruments:
@@ -382,9 +385,9 @@ def _components(
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
-    traces = [join(one.channel, one.label) for one in components]
+    traces = [join(member.channel, member.label) for member in components]
     for part, _ in parts:
-        of_part = (trace for one, trace in zip(components, traces, strict=True) if one.source == part)
+        of_part = (trace for member, trace in zip(components, traces, strict=True) if member.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
     return list(zip(components, traces, strict=True)), digested(data, source)
 
@@ -408,10 +411,10 @@ def _choose(channels: Sequence[_Component], component: str, source: str) -> _Com
     whose code ends in this letter."""
     name = component.strip().upper()
     ways = (
-        [one for one in channels if one.channel.code.upper() == name],
-        [one for one in channels if one.channel.id.upper() == name],
-        [one for one in channels if station_of(one.channel.id).upper() == name],
-        [one for one in channels if len(name) == 1 and one.channel.code.upper().endswith(name)],
+        [candidate for candidate in channels if candidate.channel.code.upper() == name],
+        [candidate for candidate in channels if candidate.channel.id.upper() == name],
+        [candidate for candidate in channels if station_of(candidate.channel.id).upper() == name],
+        [candidate for candidate in channels if len(name) == 1 and candidate.channel.code.upper().endswith(name)],
     )
     channels_of_name = next((matches for matches in ways if matches), [])
     if len(channels_of_name) == 1:
@@ -423,9 +426,9 @@ def _choose(channels: Sequence[_Component], component: str, source: str) -> _Com
 
 def _listed(components: Sequence[_Component]) -> str:
     """Names by which each of the components can be chosen."""
-    codes = [one.channel.code for one in components]
-    ids = [one.channel.id for one in components]
-    stations = [station_of(one) for one in ids]
+    codes = [component.channel.code for component in components]
+    ids = [component.channel.id for component in components]
+    stations = [station_of(component) for component in ids]
     ways = (codes, stations, ids)
     return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
 

@@ -186,13 +186,13 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
         except RecordError as error:
             failures.append(error)
             continue
-        left = [one for one in components if choice.component is None and is_vertical(one.component)]
+        left = [component for component in components if choice.component is None and is_vertical(component.component)]
         if left and len(left) == len(components):
             failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
             continue
         if left:
-            notes.append(f"{file}: vertical, left out: {', '.join(one.component for one in left)}")
-        records += [one for one in components if not any(one is other for other in left)]
+            notes.append(f"{file}: vertical, left out: {', '.join(component.component for component in left)}")
+        records += [component for component in components if not any(component is other for other in left)]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
@@ -246,7 +246,7 @@ class SuiteMotion:
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
     """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
-    motions = [(one, records) for one in whole for records in [components(one)]]
+    motions = [(part, records) for part in whole for records in [components(part)]]
     names = iter(component_names([record for _, records in motions for record in records]))
     return tuple(
         SuiteMotion(record, record.source, next(names), motion, direction)

@@ -461,8 +461,8 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     except ModelError:
         return None
     numbers = [_numbers(model) for model in (said, after)]
-    same = [len(one) for one in numbers] == [len(numbers[0])] * 2 and all(
-        math.isclose(one, other, rel_tol=_WRITTEN) for one, other in zip(*numbers, strict=True)
+    same = [len(value) for value in numbers] == [len(numbers[0])] * 2 and all(
+        math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
     return text if same and type(said.damping) is type(after.damping) else None
 

@@ -276,7 +276,7 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
     values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
     if values is None:
         return None
-    missing, unknown = [one for one in states if one not in values], set(values) - {*states, COLLAPSE}
+    missing, unknown = [state for state in states if state not in values], set(values) - {*states, COLLAPSE}
     if missing or unknown:
         said = f"no loss ratio of {', '.join(missing)}" if missing else f"unknown {', '.join(sorted(unknown))}"
         value.fault(f"{said}; the states are {', '.join(states)}, and there may be {COLLAPSE}")
@@ -287,7 +287,7 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
 
 def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
     """In the order of the states, that of a collapse behind them: that of the last state where it is not told."""
-    return (*(losses[one] for one in states), losses.get(COLLAPSE, losses[states[-1]]))
+    return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:

@@ -92,14 +92,14 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
-            needed = (one.name for one in LAWS[name].parameters if one.default is None and one.without is None)
-            names = ", ".join(f"{one}: ..." for one in needed)
+            needed = (item.name for item in LAWS[name].parameters if item.default is None and item.without is None)
+            names = ", ".join(f"{item}: ..." for item in needed)
             value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
     possible = [LAWS[name]] if name else LAWS.values()
-    admitted = dict.fromkeys(["type", *(_inner(one, "") or one.name for law in possible for one in law.parameters)])
+    admitted = dict.fromkeys(["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)])
     section = value.section(list(admitted))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
@@ -113,7 +113,7 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
-    names = sorted(dict.fromkeys(one.group for one in law.parameters), key=lambda name: name.count("."))
+    names = sorted(dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count("."))
     groups: dict[str, Section | float | None] = {"": section}
     for name in names:
         groups[name] = _read_group(groups, law, name, unit)
@@ -141,9 +141,9 @@ def _read_group(
     around = groups.get(outer)
     if not group or not isinstance(around, Section):
         return around
-    members = [one for one in law.parameters if one.group == group]
+    members = [parameter for parameter in law.parameters if parameter.group == group]
     if members[0].default is None and members[0].without is None:
-        value = around.need(name, f"give a mapping with the keys {', '.join(one.name for one in members)}")
+        value = around.need(name, f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}")
         if value is None:
             return math.nan
     value = around.get(name)
@@ -177,7 +177,9 @@ def _read_points(
         value.fault(f"must be {_POINTS}")
         return nothing
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
-    points = [[one.number(bounds, f) for one, f in zip(pair or (), factors, strict=False)] for pair in pairs]
+    points = [
+        [coordinate.number(bounds, f) for coordinate, f in zip(pair or (), factors, strict=False)] for pair in pairs
+    ]
     return four_points(points) if all(points) else nothing
 
 
@@ -226,7 +228,7 @@ def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], uni
 
 def check_together(value: Value | None, law: Law, stiffness: float) -> None:
     """Note what is wrong with a law's parameters and the initial stiffness (N/m) together."""
-    if value is None or math.isnan(stiffness) or any(math.isnan(one) for one in law.parameters):
+    if value is None or math.isnan(stiffness) or any(math.isnan(parameter) for parameter in law.parameters):
         return
     fault = LAWS[law.name].fault(stiffness, law.parameters) if law.parameters else None
     if fault:

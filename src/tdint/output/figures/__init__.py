@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tdint.output.figures import assessment as assessment
     from tdint.output.figures import collapse as collapse
     from tdint.output.figures import comparison as comparison
+    from tdint.output.figures import examples as examples
     from tdint.output.figures import runs as runs
     from tdint.output.figures import spectrum_curves as spectrum_curves
     from tdint.output.figures import style as style

@@ -1,4 +1,4 @@
-"""Figures of the laboratory, readable in black and white: stability, overshoot, order, examples of the paper."""
+"""Figures of the laboratory, readable in black and white: stability, overshoot, order."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
     from tdint.analysis.assessment.order import ObservedOrder
-    from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
     from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
     from tdint.analysis.chart.work_precision import Chart, Point
 
@@ -46,7 +45,6 @@ _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
 _ROUNDING = 1e-9  # what a spectral radius may lie above 1
 _TALLEST = 1e4  # what runs away is cut here
-_NEAR = 3  # steps on both sides of the peak that a close-up shows
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
@@ -112,10 +110,15 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     return figure
 
 
-def order_picture(measured: Sequence[ObservedOrder]) -> Figure:
-    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency."""
-    several = len({one.frequency_ratio for one in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
-    return _draw_orders(measured) if several else _draw_order_chart(measured)
+def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
+    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
+
+    The title begins with a `name`, if there is one.
+    """
+    several = len({order.frequency_ratio for order in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
+    figure = _draw_orders(measured) if several else _draw_order_chart(measured)
+    add_title(figure, name + _order_title(measured))
+    return figure
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
@@ -164,6 +167,29 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     axes.legend(loc="best")
 
 
+def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str) -> Figure:
+    """One quantity of stability over dt/T: `spectral_radius`, `period_error` or `numerical_damping`."""
+    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    axes = figure.subplots()
+    lines = []
+    for curve, style in zip(curves, _curve_styles(curves), strict=True):
+        values = getattr(curve, quantity)
+        if quantity == "spectral_radius":
+            lines += _plot(axes, curve.dt_over_t, values, style)
+        else:
+            near = curve.dt_over_t <= _ACCURACY_RANGE * 1.01
+            lines += _plot(axes, curve.dt_over_t[near], 100.0 * values[near], style)
+    if quantity == "spectral_radius":
+        _frame_radius(axes, curves)
+    elif quantity == "period_error":
+        _frame_accuracy(axes, "period error (%)", -20.0, 60.0)
+    else:
+        _frame_accuracy(axes, "numerical damping ratio (%)", -2.0, 20.0)
+    add_legend(figure, axes, lines, _curve_labels(curves), _NARROW)
+    add_title(figure, title)
+    return figure
+
+
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
@@ -176,8 +202,8 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
 
 def _stability_title(curves: Sequence[StabilityCurve]) -> str:
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
-    return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
+    subject = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    return f"{short_labels([curves[0].method])[curves[0].method]}\n{subject}" if len(curves) == 1 else subject
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -219,8 +245,10 @@ def _frame_steps(axes: Any) -> None:
 
 def _overshoot_title(motions: Sequence[Overshoot], short: dict[str, str]) -> str:
     first = motions[0]
+    spring = "" if first.law == "linear" else f", {first.law} spring"
     text = (
-        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}, over the exact amplitude\n"
+        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}{spring}, "
+        "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
     return f"{short[first.method]}\n{text}" if len(short) == 1 else text
@@ -230,14 +258,14 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed order, and the error at the finest step, over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    methods = list(dict.fromkeys(one.method for one in measured))
+    methods = list(dict.fromkeys(order.method for order in measured))
     short = short_labels(methods)
     lines = []
     for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
-        own = [one for one in measured if one.method == method]
-        ratios = np.array([one.frequency_ratio for one in own])
-        lines += _plot(upper, ratios, np.array([one.order("displacement") for one in own]), style)
-        _plot(lower, ratios, np.array([one.displacement[-1] for one in own]), style)
+        orders = [order for order in measured if order.method == method]
+        ratios = np.array([order.frequency_ratio for order in orders])
+        lines += _plot(upper, ratios, np.array([order.order("displacement") for order in orders]), style)
+        _plot(lower, ratios, np.array([order.displacement[-1] for order in orders]), style)
     upper.set_ylabel("observed order of displacement")
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     bottom, top = upper.get_ylim()
@@ -248,7 +276,6 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
     add_legend(figure, upper, lines, [short[method] for method in methods], _NARROW)
-    add_title(figure, _order_title(measured))
     return figure
 
 
@@ -256,7 +283,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = short_labels([one.method for one in measured])
+    short = short_labels([order.method for order in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -265,14 +292,14 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         ("own_acceleration", "^", 6.0, "none"),
     )
     for quantity, marker, size, fill in marks:
-        orders = [one.order(quantity) for one in measured]
+        orders = [order.order(quantity) for order in measured]
         label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
         mark: dict[str, Any] = {"markersize": size, "markerfacecolor": fill, "markeredgecolor": COLORS[0]}
         axes.plot(orders, rows, marker, **mark, label=label)
-    for one, row in zip(measured, rows, strict=True):
-        if math.isnan(one.order("displacement")):
+    for order, row in zip(measured, rows, strict=True):
+        if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
-    axes.set_yticks(rows, [short[one.method] for one in measured], parse_math=False)
+    axes.set_yticks(rows, [short[order.method] for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
@@ -280,7 +307,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     columns = legend_columns(labels, 4)
     figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))
     figure.legend(loc="outside lower center", ncols=columns, handlelength=1.2)
-    add_title(figure, _order_title(measured))
     return figure
 
 
@@ -292,69 +318,11 @@ def _order_title(measured: Sequence[ObservedOrder]) -> str:
         "record": "a record that is linear between its samples",
     }
     text = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
-    if len({one.frequency_ratio for one in measured}) == 1 and not math.isnan(first.frequency_ratio):
+    if len({order.frequency_ratio for order in measured}) == 1 and not math.isnan(first.frequency_ratio):
         text += f", frequency ratio {first.frequency_ratio:g}"
-    if len({one.method for one in measured}) == 1:
+    if len({order.method for order in measured}) == 1:
         return f"{short_labels([first.method])[first.method]}\n{text}"
     return text
-
-
-def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
-    """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
-
-    Parameters
-    ----------
-    about : str
-        What the example is, in a line.
-    runs : sequence of ExampleRun
-        Of one example and one step; at least one of them ended. Variants are left out.
-    shown : ExampleFigure
-        Which one.
-    exact : str
-        What is called exact: its name in the legend.
-    reference : str
-        Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
-    """
-    runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
-    wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
-    time = runs[0].motion.time
-    true = runs[0].exact(reference).displacement[:, shown.floor - 1]
-    found = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    values = [np.abs(one - true) for one in found] if shown.is_error else found
-    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
-    near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
-    labels = list(short_labels([run.method for run in runs]).values())
-    lines: dict[str, Any] = {}
-    for axes, part in ((wide, slice(None)), (close, near)):
-        if not shown.is_error:
-            (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        lines |= _draw_motions(axes, time[part], [one[part] for one in values], labels, marked=axes is close)
-    what = "|u - u_exact|" if shown.is_error else "displacement u"
-    wide.set_ylabel(f"{what} (m)", parse_math=False)
-    wide.set_xlim(time[0], time[-1])
-    wide.axvline(time[peak], color="0.3", linewidth=0.8)
-    close.set_title(f"close-up at {time[peak]:.4g} s")
-    close.xaxis.set_major_locator(MaxNLocator(3))
-    if shown.is_error:
-        for axes in (wide, close):
-            axes.set_ylim(bottom=0.0)
-    add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
-    beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
-    floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    add_title(figure, f"Figure {shown.number}: {about}\n{what}{floor}, dt {runs[0].dt:g} s{beside}")
-    return figure
-
-
-def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
-    """A line for each method; with markers at every step, or at some. Lines by label."""
-    lines = {}
-    for one, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
-        marks = {"markevery": 1} if marked else {}
-        (line,) = axes.plot(time, one, **{**style, **marks}, linewidth=0.8)
-        lines[label] = line
-    axes.set_xlabel("time (s)")
-    return lines
 
 
 # ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
@@ -507,11 +475,11 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     for i, line in enumerate(lines):
         drawings = [_Drawing(chart, target) for chart in charts]
         points = [(drawing, _closest(drawing, line)) for drawing in drawings]
-        found = [(drawing, point) for drawing, point in points if point is not None]
-        stories = [drawing.chart.stories for drawing, _ in found]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        points_there = [(drawing, point) for drawing, point in points if point is not None]
+        stories = [drawing.chart.stories for drawing, _ in points_there]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in points_there]
         handles += cost.plot(stories, step_cost, **_style(i, line))
-        error = [drawing.error(point) for drawing, point in found]
+        error = [drawing.error(point) for drawing, point in points_there]
         accuracy.plot(stories, error, **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
@@ -596,9 +564,9 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     handles = []
     for i, (line, points) in enumerate(drawing.lines.items()):
         style = _style(i, line)
-        known, below = drawing.known(points), drawing.below(points)
-        axes.plot(*_columns(drawing, [*known, *below]), **style | {"marker": "none"})
-        axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
+        compared, below = drawing.known(points), drawing.below(points)
+        axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
+        axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
         axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
         handles += axes.plot([], [], **style)
     rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
@@ -616,8 +584,8 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     shown = drawing.shown()
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
-    wanted = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
-    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in wanted]
+    labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
+    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
     write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
     return figure
 
@@ -650,9 +618,9 @@ def _footnote(drawing: _Drawing) -> str:
     )
 
 
-def _title(drawing: _Drawing, name: str, what: str) -> str:
+def _title(drawing: _Drawing, name: str, subject: str) -> str:
     stories = drawing.chart.stories
-    return f"{name}\n{how_many(stories, 'story')}: {what}"
+    return f"{name}\n{how_many(stories, 'story')}: {subject}"
 
 
 def _draw_steps(drawing: _Drawing, name: str) -> Figure:
@@ -660,10 +628,10 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes = figure.subplots()
     handles, labels = [], []
     for i, (line, points) in enumerate(drawing.lines.items()):
-        known = [point for point in drawing.known(points) if not math.isnan(point.dt)]
-        if known:
+        compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
+        if compared:
             handles += axes.plot(
-                [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
+                [point.dt for point in compared], [drawing.error(point) for point in compared], **_style(i, line)
             )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)

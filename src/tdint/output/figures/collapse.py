@@ -116,12 +116,12 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """The scaled spectra with median, fractiles and what they were scaled to."""
     periods = _periods(scaling)
-    spectra, what = _spectra(scaling, periods)
+    spectra, quantity = _spectra(scaling, periods)
     spectra = units.of(spectra, "m/s^2")
     several = len(spectra) > 1
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
-    axes.plot([], [], label=how_many(len(spectra), what), **look)
+    axes.plot([], [], label=how_many(len(spectra), quantity), **look)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _FEW_RUNS:
@@ -203,9 +203,11 @@ def _title(scaling: Scaling, units: OutputUnits) -> str:
     }
     records = [record for motion in scaling.motions for record in components(motion)]
     count = len(scaling.motions)
-    what = "record" if isinstance(scaling.motions[0], Record) else "pair"
-    names = how_many(count, what) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
-    measure = f", {_PAIR[scaling.pair]}" if what == "pair" and scaling.rule != "p695" else ""
+    subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    names = (
+        how_many(count, subject) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    )
+    measure = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
     return f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{measure}"
 
 
@@ -248,10 +250,10 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
 
 def _highest(curve: IdaCurve) -> float:
     """The largest intensity that is shown of a curve: its capacity, or the largest level that the building stands."""
-    known = [run.im for run in curve.stable]
+    stable = [run.im for run in curve.stable]
     if math.isfinite(curve.collapse.capacity):
-        known.append(curve.collapse.capacity)
-    return max(known, default=0.0)
+        stable.append(curve.collapse.capacity)
+    return max(stable, default=0.0)
 
 
 def _largest_drift(study: IdaStudy) -> float:
@@ -327,8 +329,10 @@ def _draw_lost(axes: Any, study: IdaStudy, limit: float) -> None:
 
 def _ida_title(study: IdaStudy) -> str:
     records = [curve.record for curve in study.states[0].curves]
-    what = f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
-    text = f"{study.model.name}\nIncremental dynamic analysis, {what}{changed(records)}, {study.method}"
+    subject = (
+        f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
+    )
+    text = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
     if isinstance(study.measure, MotionIntensity) or study.measure.periods == (0.0,):
         return text
     return f"{text}, {100.0 * study.measure.damping:g} % damping of Sa"
@@ -360,8 +364,13 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
     """Picture of functions of types of buildings, a panel for each type with a curve for each damage state."""
-    types = {name: [one for one in functions if one.type == name] for name in dict.fromkeys(f.type for f in functions)}
-    states = list(dict.fromkeys(one.state for one in sorted(functions, key=lambda one: one.threshold)))
+    types = {
+        name: [function for function in functions if function.type == name]
+        for name in dict.fromkeys(f.type for f in functions)
+    }
+    states = list(
+        dict.fromkeys(function.state for function in sorted(functions, key=lambda function: function.threshold))
+    )
     wide = min(len(types), _ACROSS)
     high = -(-len(types) // wide)
     figure = Figure(figsize=(max(2.5 * wide, 5.0) + 0.6, 2.0 * high + 1.3), layout="constrained")
@@ -373,7 +382,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         axes.set_title(name, fontsize="medium")
         if place % wide == 0:
             axes.set_ylabel("probability")
-        alike = len({one.im for one in functions}) == 1
+        alike = len({function.im for function in functions}) == 1
         if not alike or place >= len(types) - wide:
             axes.set_xlabel(_im_label(of_one[0]))
     lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
@@ -386,16 +395,16 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
     """The functions of a type with what was observed and how sure they are."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
-    for one in functions:
-        i = states.index(one.state)
+    for function in functions:
+        i = states.index(function.state)
         style = line_look(i)
-        if np.isfinite(one.covariance).all():
-            axes.fill_between(im, *one.band(im), color=style["color"], alpha=0.08, linewidth=0.0)
-            for edge in one.band(im):
+        if np.isfinite(function.covariance).all():
+            axes.fill_between(im, *function.band(im), color=style["color"], alpha=0.08, linewidth=0.0)
+            for edge in function.band(im):
                 axes.plot(im, edge, linewidth=0.4, **style)
-        axes.plot(im, one.probability(im, total=one.beta_model > 0.0), linewidth=1.6, **style)
+        axes.plot(im, function.probability(im, total=function.beta_model > 0.0), linewidth=1.6, **style)
         mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 3.5, "markerfacecolor": "white"}
-        _draw_counted(axes, one, end, color=style["color"], **mark)
+        _draw_counted(axes, function, end, color=style["color"], **mark)
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
@@ -436,18 +445,26 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
 def _end(functions: Sequence[Fragility]) -> float:
     """Where the axis of intensity ends: behind the functions, but not far behind all observations."""
     ends = []
-    for one in functions:
-        seen = one.points.im if one.points is not None else one.cloud.im if one.cloud is not None else np.array([])
-        curve = one.theta * math.exp(_FAR * one.beta)
+    for function in functions:
+        seen = (
+            function.points.im
+            if function.points is not None
+            else function.cloud.im
+            if function.cloud is not None
+            else np.array([])
+        )
+        curve = function.theta * math.exp(_FAR * function.beta)
         most = float(np.max(seen)) if seen.size else curve
-        ends.append(min(curve, 2.0 * max(most, one.theta)))
+        ends.append(min(curve, 2.0 * max(most, function.theta)))
     return max(ends)
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
     """Demands over intensities, both logarithmic, with the line and a standard deviation to both sides."""
-    known = ~(cloud.censored | cloud.below)
-    axes.scatter(cloud.im[known], cloud.edp[known], s=14, facecolor=GRAY, edgecolor="0.45", linewidth=0.5, label="runs")
+    measured = ~(cloud.censored | cloud.below)
+    axes.scatter(
+        cloud.im[measured], cloud.edp[measured], s=14, facecolor=GRAY, edgecolor="0.45", linewidth=0.5, label="runs"
+    )
     hollow = {"s": 22, "facecolor": "white", "edgecolor": "0.35", "linewidth": 0.8}
     for limited, marker, label in (
         (cloud.censored, "^", "above the limit"),
@@ -474,20 +491,20 @@ def _im_label(function: Fragility) -> str:
 
 
 def _label(function: Fragility) -> str:
-    what = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
+    threshold = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
     if function.damage == function.damage:
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
-        what += f"{state}, "
-    return rf"{what}$\theta$ = {function.theta:.3g}, $\beta$ = {function.beta:.2f}"
+        threshold += f"{state}, "
+    return rf"{threshold}$\theta$ = {function.theta:.3g}, $\beta$ = {function.beta:.2f}"
 
 
 def _fragility_title(functions: Sequence[Fragility]) -> str:
     first = functions[0]
     text = _NAMES[first.fit]
     if first.fit == "ida":
-        text += ", maximum likelihood" if any(one.censored for one in functions) else ", method of moments"
+        text += ", maximum likelihood" if any(function.censored for function in functions) else ", method of moments"
     count = how_many(first.records, "run" if first.fit == "cloud" else "record")
-    numbers = {one.censored for one in functions}
+    numbers = {function.censored for function in functions}
     most = max(numbers)
     censored = f", {'up to ' * (len(numbers) > 1)}{most} censored" if most else ""
     return f"{text}\n{count}{censored}"

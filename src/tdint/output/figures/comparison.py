@@ -72,9 +72,9 @@ def comparison_picture(
     """
     units = units.in_pictures
     rows = [
-        (one, floor, spectra)
-        for one in comparisons
-        for floor, spectra in reversed(list(zip(one.floors, one.spectra(periods, damping), strict=True)))
+        (comparison, floor, spectra)
+        for comparison in comparisons
+        for floor, spectra in reversed(list(zip(comparison.floors, comparison.spectra(periods, damping), strict=True)))
     ]
     left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
     if left_out:
@@ -86,14 +86,14 @@ def comparison_picture(
         top, below = parts
         _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
     panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
-    for (one, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
-        event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
+    for (comparison, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
+        event = record_name(comparison.event.recording.source) if len(comparisons) > 1 else ""
         _draw_histories(history, floor, units)
-        history.set_xlim(*_shaken(one))
+        history.set_xlim(*_shaken(comparison))
         history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
         history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor, units)
-        close.set_xlim(*_strongest(one))
+        close.set_xlim(*_strongest(comparison))
         close.tick_params(labelleft=False)
         _draw_spectra(spectrum, spectra, units)
     panels[-1, 1].set_xlabel("time (s)")
@@ -106,26 +106,26 @@ def comparison_picture(
     return figure
 
 
-def _title(one: Comparison, left_out: int) -> str:
-    band = one.event.recording.band
-    what = f"{one.response.model.name} beside {record_name(one.event.recording.source)}"
-    how = [f"{one.response.method}, dt {one.response.dt:.4g} s"]
+def _title(comparison: Comparison, left_out: int) -> str:
+    band = comparison.event.recording.band
+    subject = f"{comparison.response.model.name} beside {record_name(comparison.event.recording.source)}"
+    how = [f"{comparison.response.method}, dt {comparison.response.dt:.4g} s"]
     if band:
         how.append(f"{band[0]:g} to {band[1]:g} Hz")
-    if one.shift:
-        how.append(f"recordings shifted by {one.shift:.4g} s")
+    if comparison.shift:
+        how.append(f"recordings shifted by {comparison.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return f"{what}\n{', '.join(how)}"
+    return f"{subject}\n{', '.join(how)}"
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a single one."""
     above, below = panels
-    for place, one in enumerate(comparisons, start=1):
-        for floor in one.floors:
+    for place, comparison in enumerate(comparisons, start=1):
+        for floor in comparison.floors:
             x = place if len(comparisons) > 1 else floor.floor
-            dark = "0.15" if floor is one.floors[-1] else LIGHT
+            dark = "0.15" if floor is comparison.floors[-1] else LIGHT
             above.plot([x], [floor.correlation], "o", color=dark, markersize=3.0)
             below.plot([x], [floor.peak_ratio], "o", color=dark, markersize=3.0)
     above.set_ylabel("correlation")
@@ -149,24 +149,28 @@ def _agreement(floor: FloorComparison, event: str) -> str:
     return f"{place}: correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
 
 
-def _shaken(one: Comparison) -> tuple[float, float]:
+def _shaken(comparison: Comparison) -> tuple[float, float]:
     """The times between which the floors were shaken, s."""
     ends = []
-    for floor in one.floors:
+    for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
         ends += [floor.time[int(np.searchsorted(energy, part * energy[-1]))] for part in _ENERGY]
-    return (min(ends), max(ends)) if min(ends) < max(ends) else (one.floors[0].time[0], one.floors[0].time[-1])
+    return (
+        (min(ends), max(ends))
+        if min(ends) < max(ends)
+        else (comparison.floors[0].time[0], comparison.floors[0].time[-1])
+    )
 
 
-def _strongest(one: Comparison) -> tuple[float, float]:
+def _strongest(comparison: Comparison) -> tuple[float, float]:
     """Some cycles around the largest recorded value of the highest floor, s."""
-    floor = one.floors[-1]
+    floor = comparison.floors[-1]
     crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     peak = int(np.argmax(np.abs(floor.recorded)))
     middle = int(np.searchsorted(crossings, peak))
     near = crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
     if near.size < 2:
-        return _shaken(one)
+        return _shaken(comparison)
     return float(floor.time[near[0]]), float(floor.time[near[-1]])
 
 
@@ -502,7 +506,7 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda one: _BOLD.get(one.method, 0.0)):
+        for profile in sorted(shown, key=lambda profile_of_method: _BOLD.get(profile_of_method.method, 0.0)):
             # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems

@@ -89,7 +89,7 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
     if records:
-        named = [f"{record_name(one.source)} {one.component}".rstrip() for one in records]
+        named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
         title += f", {', then '.join(named[:_NAMED])}{f' and {len(named) - _NAMED} more' * (len(named) > _NAMED)}"
         title += changed(records)
     if (collapse := response.collapse) is not None:
@@ -379,35 +379,35 @@ def profile_picture(
     """
     units = units.in_pictures
     rows: dict[tuple[str, str], list[Profile]] = {}
-    for one in profiles:
-        rows.setdefault((repr(one.scale), repr(one.level)), []).append(one)
+    for profile in profiles:
+        rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
     shown = list(rows.values())[:_MOST_ROWS]
     figure = Figure(figsize=(8.0, 0.9 + 3.6 * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
-    looks = building_looks(one.building for one in profiles)
+    looks = building_looks(profile.building for profile in profiles)
     for axes, same in zip(panels, shown, strict=True):
         by_length = any(map(_without_heights, same))
-        for one in same:
-            for panel, (values, by_floor) in zip(axes, _quantities(one, units, by_length=by_length), strict=True):
+        for profile in same:
+            for panel, (values, by_floor) in zip(axes, _quantities(profile, units, by_length=by_length), strict=True):
                 if len(values):
                     line = partial(_line, panel, by_floor=by_floor)
-                    _draw_motions(panel, values, line, looks[one.building], "largest")
+                    _draw_motions(panel, values, line, looks[profile.building], "largest")
         _finish_row(axes, same, units, None if by_length else limit, same[0].level_text if len(rows) > 1 else "")
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _name_below(figure, panels[:, 0])
-    what = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
+    subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
-    add_title(figure, f"{what}\n{_suite(shown[0])}{more}")
+    add_title(figure, f"{subject}\n{_suite(shown[0])}{more}")
     return figure
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     """Color and name of each building, by the order of the names: the same whatever the order of the files; one alone
     is not named."""
-    found = sorted(dict.fromkeys(names))
-    if len(found) == 1:
-        return {found[0]: (INK, "")}
-    return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(found)}
+    buildings = sorted(dict.fromkeys(names))
+    if len(buildings) == 1:
+        return {buildings[0]: (INK, "")}
+    return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(buildings)}
 
 
 def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
@@ -475,17 +475,20 @@ def _finish_row(
     accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
     _scale_shears(shears, units)
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
-    lost, runs = sum(one.collapsed + one.failed for one in profiles), sum(one.runs for one in profiles)
+    lost, runs = (
+        sum(profile.collapsed + profile.failed for profile in profiles),
+        sum(profile.runs for profile in profiles),
+    )
     if lost:
         drifts.set_title(f"{lost} of {runs} collapsed or failed, in no line", loc="left", fontsize=8.0)
-    most = max(one.height.size for one in profiles)
+    most = max(profile.height.size for profile in profiles)
     for panel in axes:
         panel.set_ylim(0.5, most + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel is drifts)
-        if not any(one.motions for one in profiles):
+        if not any(profile.motions for profile in profiles):
             panel.set_xticks([])
 
 
@@ -506,12 +509,20 @@ def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, 
     units = units.in_pictures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
-    floors = list(dict.fromkeys(one.floor for one in spectra))
-    ratios = list(dict.fromkeys(one.spectrum.damping for one in spectra))
-    for one in spectra:
-        label = f"floor {one.floor}" + (f", {100.0 * one.spectrum.damping:g} %" if len(ratios) > 1 else "")
-        look = line_look(floors.index(one.floor), ratios.index(one.spectrum.damping))
-        axes.plot(one.spectrum.periods, units.of(one.spectrum.psa, "m/s^2"), **look, linewidth=1.6, label=label)
+    floors = list(dict.fromkeys(floor_spectrum.floor for floor_spectrum in spectra))
+    ratios = list(dict.fromkeys(floor_spectrum.spectrum.damping for floor_spectrum in spectra))
+    for floor_spectrum in spectra:
+        label = f"floor {floor_spectrum.floor}" + (
+            f", {100.0 * floor_spectrum.spectrum.damping:g} %" if len(ratios) > 1 else ""
+        )
+        look = line_look(floors.index(floor_spectrum.floor), ratios.index(floor_spectrum.spectrum.damping))
+        axes.plot(
+            floor_spectrum.spectrum.periods,
+            units.of(floor_spectrum.spectrum.psa, "m/s^2"),
+            **look,
+            linewidth=1.6,
+            label=label,
+        )
     _finish(axes, units)
     axes.legend(loc="best")
     alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
@@ -525,32 +536,32 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     """
     units = units.in_pictures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
-    for one in suites:
-        panels.setdefault((one.floor, repr(one.scale), repr(one.level), one.damping), []).append(one)
+    for suite in suites:
+        panels.setdefault((suite.floor, repr(suite.scale), repr(suite.level), suite.damping), []).append(suite)
     shown = list(panels.values())[:_MOST_PANELS]
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
     figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    looks = building_looks(one.building for one in suites)
+    looks = building_looks(suite.building for suite in suites)
     for axes, same in zip(grid.ravel(), shown, strict=False):
-        for one in same:
-            line, psa = partial(axes.plot, one.periods), units.of(one.psa, "m/s^2")
-            _draw_motions(axes, psa, line, looks[one.building], "envelope")
+        for suite in same:
+            line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
+            _draw_motions(axes, psa, line, looks[suite.building], "envelope")
         _finish(axes, units)
-        axes.set_title(_named(same[0], several=len({repr(one.scale) for one in suites}) > 1), fontsize=9.0)
+        axes.set_title(_named(same[0], several=len({repr(suite.scale) for suite in suites}) > 1), fontsize=9.0)
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     _name_below(figure, grid.ravel())
-    what = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
+    subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
-    add_title(figure, f"{what}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}")
+    add_title(figure, f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}")
     return figure
 
 
-def _named(one: FloorSuite, *, several: bool) -> str:
-    level = level_text(one.scale if several else math.nan, one.level, one.measure)
-    return ", ".join(filter(None, [f"floor {one.floor}", level, f"{100.0 * one.damping:g} % damping"]))
+def _named(suite: FloorSuite, *, several: bool) -> str:
+    level = level_text(suite.scale if several else math.nan, suite.level, suite.measure)
+    return ", ".join(filter(None, [f"floor {suite.floor}", level, f"{100.0 * suite.damping:g} % damping"]))
 
 
 def _finish(axes: Any, units: OutputUnits) -> None:
@@ -569,10 +580,10 @@ _NAMES = {
 
 def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Figure:
     """Picture of swings (`tdint.campaign.sensitivity.swings`)."""
-    parameters = len({one.parameter for one in swings})
+    parameters = len({swing.parameter for swing in swings})
     figure = Figure(figsize=(7.2, 2.2 + 0.56 * parameters), layout="constrained")
     for axes, name in zip(figure.subplots(2, 2).flat, _NAMES, strict=True):
-        _tornado(axes, [one for one in swings if one.quantity.name == name], units)
+        _tornado(axes, [swing for swing in swings if swing.quantity.name == name], units)
     add_title(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
     return figure
 
@@ -583,14 +594,14 @@ def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
         factor, unit = 100.0, "%"
     else:
         factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
-    for place, one in enumerate(swings):
-        low, high = ((value - one.as_it_is) * factor for value in (one.at_low, one.at_high))
+    for place, swing in enumerate(swings):
+        low, high = ((value - swing.as_it_is) * factor for value in (swing.at_low, swing.at_high))
         for end, width, other, color in (("low", low, high, COLORS[0]), ("high", high, low, COLORS[1])):
             label = f"{end} value" if place == 0 else None
             above = 1.6 if abs(width) < abs(other) else 1.5  # or it hides behind one to the same side
-            axes.barh(place, width, left=one.as_it_is * factor, height=0.62, color=color, label=label, zorder=above)
+            axes.barh(place, width, left=swing.as_it_is * factor, height=0.62, color=color, label=label, zorder=above)
     axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
-    names = [f"{one.parameter}\n{one.low:g} to {one.high:g}" for one in swings]
+    names = [f"{swing.parameter}\n{swing.low:g} to {swing.high:g}" for swing in swings]
     axes.set_yticks(range(len(swings)), names, fontsize=7.0)
     axes.invert_yaxis()
     axes.margins(x=0.08)

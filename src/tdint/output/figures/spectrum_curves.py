@@ -165,10 +165,10 @@ def _draw_suite(
         gray = axes.plot(period, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
         lines.setdefault(f"{len(set(_motions(results)))} components", gray)
         for i, kind in enumerate(kinds):
-            own = rows[[variant == kind and one for variant, one in zip(variants, counted, strict=True)]]
+            rows_of_kind = rows[[variant == kind and counts for variant, counts in zip(variants, counted, strict=True)]]
             color, name = COLORS[i % len(COLORS)], f", {_variant_name(kind)}" if len(kinds) > 1 else ""
-            lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, own, color))
-            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, own, color))
+            lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, rows_of_kind, color))
+            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, rows_of_kind, color))
     return lines
 
 
@@ -226,16 +226,16 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
     return labels
 
 
-def over_periods_title(one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
+def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
     """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to say."""
     sources = list(dict.fromkeys(result.record.source for result in results))
     ratios = list(dict.fromkeys(result.damping for result in results))
-    what = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
-    what += changed(result.record for result in results)
+    subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
+    subject += changed(result.record for result in results)
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
     if len(results) == 1:
-        return f"{one} of {what} {results[0].record.component}\n{damping} damping, {more}"
-    return f"{several} of {what}\n{damping} damping, {more}"
+        return f"{of_one} of {subject} {results[0].record.component}\n{damping} damping, {more}"
+    return f"{several} of {subject}\n{damping} damping, {more}"
 
 
 @dataclass(frozen=True)
@@ -250,10 +250,10 @@ class _Curve:
     style: dict[str, Any]
 
     @classmethod
-    def of(cls, one: Spectrum, units: OutputUnits, name: str, style: dict[str, Any]) -> _Curve:
+    def of(cls, spectrum: Spectrum, units: OutputUnits, name: str, style: dict[str, Any]) -> _Curve:
         """The line of a spectrum."""
-        values = (units.of(one.sd, "m"), units.of(one.psv, "m/s"), units.of(one.psa, "m/s^2"))
-        return cls(one.periods, *values, name, style)
+        values = (units.of(spectrum.sd, "m"), units.of(spectrum.psv, "m/s"), units.of(spectrum.psa, "m/s^2"))
+        return cls(spectrum.periods, *values, name, style)
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
@@ -261,18 +261,21 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
 
     if not is_suite(spectra):
         return [
-            _Curve.of(one, units, label, line_look(i) | {"zorder": 3})
-            for i, (one, label) in enumerate(zip(spectra, labels, strict=True))
+            _Curve.of(spectrum, units, label, line_look(i) | {"zorder": 3})
+            for i, (spectrum, label) in enumerate(zip(spectra, labels, strict=True))
         ]
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
-    curves = [_Curve.of(one, units, "", gray) for one in spectra]
+    curves = [_Curve.of(spectrum, units, "", gray) for spectrum in spectra]
     curves[0] = replace(curves[0], name="single components")
-    ratios = dict.fromkeys(one.damping for one in spectra)
+    ratios = dict.fromkeys(spectrum.damping for spectrum in spectra)
     for i, ratio in enumerate(ratios):
         chosen = zip(spectra, curves, in_median(spectra), strict=False)
-        own = [curve for one, curve, counted in chosen if counted and one.damping == ratio]
-        sd, psv, psa = (np.median([getattr(one, name) for one in own], axis=0) for name in ("sd", "psv", "psa"))
-        name = f"median of {len(own)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
+        counted_spectra = [curve for spectrum, curve, counted in chosen if counted and spectrum.damping == ratio]
+        sd, psv, psa = (
+            np.median([getattr(spectrum, name) for spectrum in counted_spectra], axis=0)
+            for name in ("sd", "psv", "psa")
+        )
+        name = f"median of {len(counted_spectra)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
         curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
     return curves
 
@@ -488,9 +491,14 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     components = _components(spectra)
     apart = 1 < len(set(components)) <= _MOST
     ratios = len({spectrum.damping for spectrum in spectra}) > 1
-    own = [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra] if apart else line_labels(spectra)
-    labels = [", ".join(filter(None, (label, what * several))) for label, what in zip(own, given, strict=True)]
-    variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
+    labels_of_damping = (
+        [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra] if apart else line_labels(spectra)
+    )
+    labels = [
+        ", ".join(filter(None, (label, given_label * several)))
+        for label, given_label in zip(labels_of_damping, given, strict=True)
+    ]
+    variants = [(spectrum.damping, given_label) for spectrum, given_label in zip(spectra, given, strict=True)]
     figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
     if spectra[0].target is None:
         _show_ductility(figure.axes[0], spectra)

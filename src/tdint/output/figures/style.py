@@ -236,10 +236,10 @@ def _room(width: float | None) -> Iterator[None]:
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
     """matplotlib's settings; a style sheet goes over ours, a font over both."""
-    found = _STYLE | (_PRINT if printed.width else {})
+    settings = _STYLE | (_PRINT if printed.width else {})
     if printed.style:
-        found = found | dict(mpl.rc_params_from_file(printed.style, use_default_template=False))
-    return found | ({"font.family": printed.font} if printed.font else {})
+        settings = settings | dict(mpl.rc_params_from_file(printed.style, use_default_template=False))
+    return settings | ({"font.family": printed.font} if printed.font else {})
 
 
 def style_context() -> AbstractContextManager[None]:
@@ -307,7 +307,9 @@ def _fit(figure: Figure) -> None:
         part = spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
         wide, high = page.width * part.width, page.height * part.height
         told = [
-            one for one in axes.get_children() if isinstance(one, Text) and one not in axes.texts and one.get_text()
+            child
+            for child in axes.get_children()
+            if isinstance(child, Text) and child not in axes.texts and child.get_text()
         ]
         for title in told:
             _wrap(title, _SHARE * wide / len(told))
@@ -332,12 +334,12 @@ def _fit(figure: Figure) -> None:
             break
     for axes in figure.axes:
         points = [text for text in axes.texts if text.get_gid() == _OF_POINT]
-        panel = axes.get_window_extent()
+        frame = axes.get_window_extent()
         boxes: list[Any] = []
         for text in points:
             box = text.get_window_extent()
             # A narrower panel has its points, and their labels, nearer to the numbers of its axes.
-            within = panel.x0 < box.x0 and box.x1 < panel.x1 and panel.y0 < box.y0 and box.y1 < panel.y1
+            within = frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
             shown = bool(within) and not any(box.overlaps(other) for other in boxes)
             text.set_visible(shown)
             boxes += [box] * shown
@@ -466,10 +468,10 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 def changed(records: Iterable[Record]) -> str:
     """` (processed)` behind the name of records of which some were changed on request, ` x 1.7` where all were scaled
     by that, else nothing."""
-    found = list(records)
-    scales = {record.scale for record in found}
+    changed_records = list(records)
+    scales = {record.scale for record in changed_records}
     scaled = f" x {next(iter(scales)):.4g}" if len(scales) == 1 and scales != {1.0} else ""
-    return scaled + (" (processed)" if any(record.processing for record in found) else "")
+    return scaled + (" (processed)" if any(record.processing for record in changed_records) else "")
 
 
 def record_name(source: str) -> str:
@@ -480,11 +482,11 @@ def record_name(source: str) -> str:
 
 def record_names(sources: Iterable[str]) -> dict[str, str]:
     """What a picture calls each of several records: its file, with as many folders as tell it from others."""
-    found = list(dict.fromkeys(sources))
+    names = list(dict.fromkeys(sources))
     named: dict[str, list[str]] = {}
-    for source in found:
+    for source in names:
         named.setdefault(record_name(source), []).append(source)
-    return {source: _told_apart(source, named[record_name(source)]) for source in found}
+    return {source: _told_apart(source, named[record_name(source)]) for source in names}
 
 
 def _told_apart(source: str, alike: Sequence[str]) -> str:

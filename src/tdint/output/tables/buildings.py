@@ -54,7 +54,7 @@ CYCLIC = (
 
 
 def _of_backbone(name: str, point: int) -> Callable[[Any], Any]:
-    return lambda one: getattr(one.building, name)[:, point]
+    return lambda curve: getattr(curve.building, name)[:, point]
 
 
 _SHEAR_BEAM = Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building")
@@ -245,20 +245,20 @@ MODEL = (
 
 
 def _of_stories(model: Model, name: str) -> Array:
-    return np.array([math.nan if (value := getattr(one, name)) is None else value for one in model.stories])
+    return np.array([math.nan if (value := getattr(story, name)) is None else value for story in model.stories])
 
 
 def law_words(story: Story, units: OutputUnits = SI) -> str:
     """The law of a story with its parameters, named as in a model file; those are left out that say nothing by
     themselves: what they are where a file has none of them, or a negative side like the positive one."""
     numbers, told = iter(story.law.parameters), []
-    known: dict[str, tuple[float, ...]] = {}
-    for one in LAWS[story.law.name].parameters:
-        values = tuple(islice(numbers, 8 if one.points else None if one.many else 1))
-        usual = known[one.default] if isinstance(one.default, str) else (one.default,)
-        known.setdefault(one.name, values)
-        if values not in (usual, (one.without,)):
-            told.append(f"{one.path} {_parameter_words(one, values, units)}")
+    words: dict[str, tuple[float, ...]] = {}
+    for parameter in LAWS[story.law.name].parameters:
+        values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
+        usual = words[parameter.default] if isinstance(parameter.default, str) else (parameter.default,)
+        words.setdefault(parameter.name, values)
+        if values not in (usual, (parameter.without,)):
+            told.append(f"{parameter.path} {_parameter_words(parameter, values, units)}")
     isolator = "; isolator" if story.isolator else ""
     return story.law.name + (f": {', '.join(told)}" if told else "") + isolator
 
@@ -317,21 +317,23 @@ def mode_shapes(floors: int, norm: str) -> tuple[Column, ...]:
     def ordinate(i: int) -> Callable[[Any], Any]:
         return lambda modes: modes.normalized(norm)[i]
 
-    what = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
+    norm_named = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     return tuple(
-        Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {what}")
+        Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {norm_named}")
         for i in range(floors)
     )
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
     """A row per floor; of several events, the file of each in the last column."""
-    return _by_event(COMPARISON, [(one, one.floors) for one in comparisons])
+    return _by_event(COMPARISON, [(comparison, comparison.floors) for comparison in comparisons])
 
 
 def comparison_spectra_table(comparisons: Sequence[Comparison], periods: Array, damping: float) -> Table:
     """A row per floor and period; of several events, the file of each in the last column."""
-    return _by_event(COMPARISON_SPECTRA, [(one, one.spectra(periods, damping)) for one in comparisons])
+    return _by_event(
+        COMPARISON_SPECTRA, [(comparison, comparison.spectra(periods, damping)) for comparison in comparisons]
+    )
 
 
 def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
@@ -346,12 +348,12 @@ def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
     return replace(value, name=name, **numbers)
 
 
-def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
+def _by_event(columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
     rows: list[tuple[Cell, ...]] = []
-    for one, results in events:
-        every = (*own, of_event(one.event.recording.source)) if len(events) > 1 else own
+    for comparison, results in events:
+        every = (*columns, of_event(comparison.event.recording.source)) if len(events) > 1 else columns
         rows += [row for result in results for row in rows_of(every, result)]
-    return Table.of((*own, of_event("")) if len(events) > 1 else own, rows)
+    return Table.of((*columns, of_event("")) if len(events) > 1 else columns, rows)
 
 
 # ---- Tables of runs: stories, shocks, histories
@@ -434,11 +436,11 @@ def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
 
 def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
     """Columns of a history; at the end those of its error, if it has one."""
-    found: list[Column] = []
+    columns_of_history: list[Column] = []
     for place, columns in history_groups(error):
         heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
-        found += (replace(column, name=head + column.name) for head in heads for column in columns)
-    return tuple(found)
+        columns_of_history += (replace(column, name=head + column.name) for head in heads for column in columns)
+    return tuple(columns_of_history)
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -450,12 +452,14 @@ def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits
 def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
     error = history.error is not None
-    columns = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
+    columns = [
+        units.column(column.name, column.unit) for column in history_columns(history.displacement.shape[1], error)
+    ]
     if header:
         stream.write((",".join(name for name, _ in columns) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in columns])
     line = ",".join(["%.12g"] * len(columns)) + "\n"
-    groups = [[one.of(history) for one in group] for _, group in history_groups(error)]
+    groups = [[column.of(history) for column in group] for _, group in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)

@@ -138,15 +138,18 @@ RATIOS = (
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
     """What tells each run, and its intensities."""
     rows: list[tuple[Cell, ...]] = [
-        (one.building, one.record, one.component, one.scale, one.sample, *one.values) for one in runs
+        (run.building, run.record, run.component, run.scale, run.sample, *run.values) for run in runs
     ]
     return Table.of(measure_columns(measures), rows)
 
 
 def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
     """Of measures.csv."""
-    own = [Column(f"{one.column}{suffix(one.unit)}", one.unit, one.column, one.meaning) for one in measures]
-    return (*OF_BUILDING, SAMPLE, *own)
+    columns = [
+        Column(f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning)
+        for measure in measures
+    ]
+    return (*OF_BUILDING, SAMPLE, *columns)
 
 
 STATUS = (
@@ -169,12 +172,12 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
-    own = (
+    columns = (
         *RUNS,
         *_estimated(store),
         *varied_columns(_swept(store.varied())),
     )
-    return (*own, *carried_columns(store, names(own)))
+    return (*columns, *carried_columns(store, names(columns)))
 
 
 def _estimated(store: Store | CampaignRuns) -> tuple[Column, ...]:
@@ -183,7 +186,7 @@ def _estimated(store: Store | CampaignRuns) -> tuple[Column, ...]:
 
 
 def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
-    return list(dict.fromkeys(name for one in varied for name in one))
+    return list(dict.fromkeys(name for values in varied for name in values))
 
 
 def _word(name: str) -> str:
@@ -199,7 +202,7 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
 def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
-    swept = [[one.get(name) for name in _swept(varied)] for one in varied]
+    swept = [[values.get(name) for name in _swept(varied)] for values in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
     told, carried = len(_estimated(store)), carried_cells(store)
@@ -209,8 +212,8 @@ def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
         behind = (swept[building] if swept else []) + carried(building, sample)
-        own, errors = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :][:told]
-        yield head + own + errors + behind
+        results, errors = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :][:told]
+        yield head + results + errors + behind
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -248,17 +251,17 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
-        for one in STORY_QUANTITIES:
-            unit, factor = units.unit(one.unit)
-            found = profile.statistics(one)
-            errors = profile.errors(one)
+        for quantity in STORY_QUANTITIES:
+            unit, factor = units.unit(quantity.unit)
+            statistics = profile.statistics(quantity)
+            errors = profile.errors(quantity)
             columns, behind = (
                 (np.array(list(vars(of).values())).T / factor).tolist() if of else [()] * profile.height.size
-                for of in (found, errors)
+                for of in (statistics, errors)
             )
             for story, (cells, off) in enumerate(zip(columns, behind, strict=True), start=1):
                 head = (cell_text(profile.building), profile.scale, *level)
-                yield [*head, one.called or one.name, story, unit, *cells, *counts, *off]
+                yield [*head, quantity.called or quantity.name, story, unit, *cells, *counts, *off]
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -282,12 +285,14 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
     """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
     columns: list[Column] = [_STORY_OF_PROFILE]
-    for one in _named(names):
-        found = profile.statistics(one)
-        if np.any(np.nan_to_num(found.max)):
+    for quantity in _named(names):
+        statistics = profile.statistics(quantity)
+        if np.any(np.nan_to_num(statistics.max)):
             columns += [
-                Column(f"mean_{one.column}", one.unit, _always(found.mean), f"mean: {one.meaning}"),
-                Column(f"max_{one.column}", one.unit, _always(found.max), f"largest: {one.meaning}"),
+                Column(f"mean_{quantity.column}", quantity.unit, _always(statistics.mean), f"mean: {quantity.meaning}"),
+                Column(
+                    f"max_{quantity.column}", quantity.unit, _always(statistics.max), f"largest: {quantity.meaning}"
+                ),
             ]
     return Table.of_results(columns, [profile]).in_units(units)
 
@@ -297,8 +302,8 @@ _STORY_OF_PROFILE = replace(PROFILES[3], value=lambda profile: np.arange(1, prof
 
 def _named(names: Sequence[str]) -> list[Quantity]:
     """The quantities of these names, in their order."""
-    known = {one.called or one.name: one for one in STORY_QUANTITIES}
-    return [known[name] for name in names]
+    quantities_by_name = {quantity.called or quantity.name: quantity for quantity in STORY_QUANTITIES}
+    return [quantities_by_name[name] for name in names]
 
 
 def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
@@ -306,15 +311,17 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
     the peak drifts."""
     columns: list[Column] = [_STORY_OF_PROFILE]
     drift = profile.statistics(_named(["peak_drift"])[0])
-    for one in _named(names):
-        found, errors = profile.statistics(one), profile.errors(one)
-        if errors is None or not np.any(np.nan_to_num(found.max)):
+    for quantity in _named(names):
+        statistics, errors = profile.statistics(quantity), profile.errors(quantity)
+        if errors is None or not np.any(np.nan_to_num(statistics.max)):
             continue
-        over = drift if one.name.startswith("residual") else found
+        over = drift if quantity.name.startswith("residual") else statistics
         for name in ("mean", "max"):
             size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
             percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
-            columns.append(Column(f"{name}_{one.called or one.name}", "%", _always(np.array(percent)), one.meaning))
+            columns.append(
+                Column(f"{name}_{quantity.called or quantity.name}", "%", _always(np.array(percent)), quantity.meaning)
+            )
     return Table.of_results(columns, [profile])
 
 
@@ -322,27 +329,27 @@ def _always(values: Any) -> Callable[[Any], Any]:
     return lambda profile: values
 
 
-def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:
+def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
     """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
     from tdint.campaign.profiles import has_levels
 
     level = (LEVEL,) if has_levels(store) else ()
-    table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), found)
+    table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), ratios)
     place = table.columns.index("story")
     return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
 
 
-def run_floor_table(store: Store, found: Sequence[RunFloors]) -> Table:
+def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
     drawn = store.count("sample > 0") > 0
     split = len(OF_BUILDING)
     columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
     buildings, records = store.buildings(), store.records()
     rows: list[tuple[Cell, ...]] = []
-    for one in found:
-        name, component, _ = records[one.run.motion]
-        head = (buildings[one.building][0], name, component, one.run.scale, *((one.run.sample,) if drawn else ()))
-        rows += [(*head, of.floor, *row) for of in one.spectra for row in rows_of(SPECTRUM, of.spectrum)]
+    for run in floors:
+        name, component, _ = records[run.run.motion]
+        head = (buildings[run.building][0], name, component, run.run.scale, *((run.run.sample,) if drawn else ()))
+        rows += [(*head, of.floor, *row) for of in run.spectra for row in rows_of(SPECTRUM, of.spectrum)]
     return Table.of(columns, rows)
 
 
@@ -356,9 +363,9 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
-    found = [units.column(one.name, one.unit) for one in columns]
-    waiting = iter([[harmless(name) for name, _ in found]])
-    source = iter(rows if units == SI else _converted(rows, [factor for _, factor in found]))
+    headed = [units.column(column.name, column.unit) for column in columns]
+    waiting = iter([[harmless(name) for name, _ in headed]])
+    source = iter(rows if units == SI else _converted(rows, [factor for _, factor in headed]))
     while True:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -400,17 +407,17 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
 def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
     """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
     that is among them gets `inventory_` before its own."""
-    found = [EVENT] if store.events() else []
-    taken, titles = {*others, *names(found)}, store.inventory_columns()
-    placed = _PLACED if found and titles[: len(_PLACED)] == tuple(_PLACED) else {}
+    columns = [EVENT] if store.events() else []
+    taken, titles = {*others, *names(columns)}, store.inventory_columns()
+    placed = _PLACED if columns and titles[: len(_PLACED)] == tuple(_PLACED) else {}
     for place, title in enumerate(titles):
         name = title
         while name in taken:
             name = f"inventory_{name}"
         taken.add(name)
         told = f"column {title} of the inventory, as it is written there"
-        found.append(Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told))
-    return tuple(found)
+        columns.append(Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told))
+    return tuple(columns)
 
 
 def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
@@ -430,10 +437,10 @@ def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]
 def numeric(store: Store) -> list[bool]:
     """Of each column of the inventory whether all that stands there are numbers, empty cells aside."""
     count = len(store.inventory_columns())
-    found, said = [True] * count, [False] * count
+    numbers_only, said = [True] * count, [False] * count
     for number in store.buildings():
         for place, text in enumerate(store.carried(number)):
             if text:
                 said[place] = True
-                found[place] = found[place] and _NUMBER.fullmatch(text) is not None
-    return [sound and given for sound, given in zip(found, said, strict=True)]
+                numbers_only[place] = numbers_only[place] and _NUMBER.fullmatch(text) is not None
+    return [sound and given for sound, given in zip(numbers_only, said, strict=True)]

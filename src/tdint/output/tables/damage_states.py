@@ -96,8 +96,8 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
 
 def damage_table_columns(store: Store) -> tuple[Column, ...]:
     """Those of a store, the columns of an inventory last."""
-    own = damage_columns(next(iter(stored_states(store).values())))
-    return (*own, *carried_columns(store, names(own)))
+    columns = damage_columns(next(iter(stored_states(store).values())))
+    return (*columns, *carried_columns(store, names(columns)))
 
 
 def damage_rows(store: Store) -> Iterator[list[Any]]:
@@ -176,7 +176,7 @@ def _type_rows(store: Store) -> Iterator[list[Any]]:
     return (
         [cell_text(of.type), of.level, *_counts(of), cell_text(state), *numbers, *_event(of)]
         for of in group_damages(store)
-        for state, *numbers in zip(of.states.outcomes, *(one.tolist() for one in of.probability), strict=True)
+        for state, *numbers in zip(of.states.outcomes, *(outcome.tolist() for outcome in of.probability), strict=True)
     )
 
 
@@ -190,8 +190,8 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
         The inventory has no such column.
     """
     if by is not None and by.lower() not in [title.lower() for title in store.inventory_columns()]:
-        known = ", ".join(store.inventory_columns()) or "none"
-        raise UsageError(f"--by {by}: the inventory has no such column; it has {known}")
+        offered = ", ".join(store.inventory_columns()) or "none"
+        raise UsageError(f"--by {by}: the inventory has no such column; it has {offered}")
     write_rows(loss_columns(store, by), _loss_rows(store, by), stream)
 
 
@@ -253,7 +253,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                 curves.setdefault((of.part, of.level), []).append((lost, of.event))
         for (part, level), losses in curves.items():
             often = annual = 0.0
-            for lost, event in sorted(losses, key=lambda one: -one[0]):
+            for lost, event in sorted(losses, key=lambda loss: -loss[0]):
                 often, annual = often + rates[event], annual + rates[event] * lost
                 head = [cell_text(part)] * bool(by)
                 yield [*head, level, cell_text(event), rates[event], lost, often, annual]

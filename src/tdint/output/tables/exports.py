@@ -76,8 +76,8 @@ def parquet_writer(
     def write(stream: BinaryIO) -> None:
         first = len(columns) - carried
         places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
-        words = {one.name for place, one in enumerate(columns) if one.unit == TEXT and place not in places}
-        kinds = {one.name: pyarrow.int64() if one.name in _COUNTED else pyarrow.float64() for one in columns}
+        words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
+        kinds = {column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64() for column in columns}
         # Each column says its unit and what it means, the file which campaign it is of.
         about = describe(columns)
         schema = pyarrow.schema(
@@ -89,9 +89,9 @@ def parquet_writer(
         )
         with parquet.ParquetWriter(stream, schema) as writer:
             for batch in _batches(rows()):
-                found = [_as_numbers(row, places) for row in batch]
-                cells = zip(*found, strict=True)
-                arrays = [pyarrow.array(one, field.type) for one, field in zip(cells, schema, strict=True)]
+                numbers = [_as_numbers(row, places) for row in batch]
+                cells = zip(*numbers, strict=True)
+                arrays = [pyarrow.array(column, field.type) for column, field in zip(cells, schema, strict=True)]
                 writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
     return write
@@ -106,10 +106,10 @@ def _batches(rows: Iterable[Sequence[Any]]) -> Iterator[list[Sequence[Any]]]:
 def _as_numbers(row: Sequence[Any], places: Sequence[int]) -> Sequence[Any]:
     if not places:
         return row
-    found = list(row)
+    cells = list(row)
     for place in places:
-        found[place] = float(found[place]) if found[place] else None
-    return found
+        cells[place] = float(cells[place]) if cells[place] else None
+    return cells
 
 
 _AT = {name: place for place, name in enumerate(STORIES.columns)}
@@ -163,13 +163,13 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
     size = len(demand_names(stories, 1))
     firsts = _firsts(records)
     for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
-        found: dict[tuple[int, float, int], list[Any]] = {}
+        rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
             direction = records[record][2]
-            cells = found.setdefault((firsts[record], scale, sample), [None] * (size * directions))
+            cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
             start = size * (direction - 1)
             cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
-        for (record, scale, sample), cells in found.items():
+        for (record, scale, sample), cells in rows.items():
             name, component, _ = records[record]
             yield [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale, sample], cells
 
@@ -252,8 +252,8 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
             mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
             for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
                 told = _damage(damage, rank, event) if damage else {}
-                found = head | _of_level(level) | _demands(level, mine, units) | told | properties(cells)
-                yield {"type": "Feature", "geometry": geometry, "properties": found}
+                feature = head | _of_level(level) | _demands(level, mine, units) | told | properties(cells)
+                yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 
 def _point(longitude: str, latitude: str) -> Feature | None:
@@ -268,20 +268,20 @@ def _point(longitude: str, latitude: str) -> Feature | None:
 def _of_level(level: SuiteLevel) -> Feature:
     values = {"scale": level.scale, "level": level.value}
     runs = len(level.stood) + level.collapsed + level.failed
-    known = {name: _digits(value) for name, value in values.items() if not math.isnan(value)}
-    return {**known, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
+    digits = {name: _digits(value) for name, value in values.items() if not math.isnan(value)}
+    return {**digits, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
 
 
 def _demands(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
     """Mean and largest of each demand; None without a motion, or without the demand (no heights, no ratio)."""
-    found: Feature = {}
-    for one, place in zip(_DEMANDS, _PLACES, strict=True):
-        column, factor = units.column(one.column, one.unit)
+    demands: Feature = {}
+    for demand, place in zip(_DEMANDS, _PLACES, strict=True):
+        column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
         values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
-        found[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
-        found[f"max_{column}"] = _digits(max(values)) if values else None
-    return found
+        demands[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
+        demands[f"max_{column}"] = _digits(max(values)) if values else None
+    return demands
 
 
 def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
@@ -297,7 +297,7 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
 
 def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
     """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
-    demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
+    demands = [f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")]
     outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
     columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if store.events() else 0 :]
     kinds = numeric(store)
@@ -358,7 +358,9 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         The measure is none that OpenQuake knows; as many states as thresholds are not given.
     """
     named = {} if functions[0].type else _named(functions, states)
-    every = list(dict.fromkeys(named[one] for one in sorted(named)) or dict.fromkeys(one.state for one in functions))
+    every = list(
+        dict.fromkeys(named[state] for state in sorted(named)) or dict.fromkeys(state.state for state in functions)
+    )
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
@@ -367,13 +369,13 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         f"    <limitStates>{' '.join(every)}</limitStates>",
     ]
     for of_one in _grouped(functions):
-        told = [one.state or named[one.threshold] for one in of_one]
+        told = [state.state or named[state.threshold] for state in of_one]
         first = of_one[0]
         if told != every:
-            missing = ", ".join(one for one in every if one not in told)
-            what = first.type or f"damage {first.damage:g}"
+            missing = ", ".join(state for state in every if state not in told)
+            subject = first.type or f"damage {first.damage:g}"
             raise UsageError(
-                f"{what}: no function of {missing}, and OpenQuake needs one of every state of all; more levels of "
+                f"{subject}: no function of {missing}, and OpenQuake needs one of every state of all; more levels of "
                 "intensity tell it, or leave it out with --threshold"
             )
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
@@ -385,7 +387,7 @@ def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[s
     """The functions of the types that have one of every state, and the names of the others."""
     most = max(len(of_one) for of_one in _grouped(functions))
     partial = [of_one[0].type for of_one in _grouped(functions) if len(of_one) < most]
-    return [one for one in functions if one.type not in partial], partial
+    return [function for function in functions if function.type not in partial], partial
 
 
 def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
@@ -396,10 +398,10 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
     UsageError
         There are not as many.
     """
-    thresholds = sorted({one.threshold for one in functions})
+    thresholds = sorted({threshold.threshold for threshold in functions})
     states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
-        listed = ", ".join(f"{one:g}" for one in thresholds)
+        listed = ", ".join(f"{threshold:g}" for threshold in thresholds)
         raise UsageError(
             f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many states, a word each"
         )
@@ -409,32 +411,36 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
 def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
     """The functions of each building or type, by rising thresholds."""
     groups: dict[tuple[str, str], list[Fragility]] = {}
-    for one in functions:
-        groups.setdefault((str(one.damage), one.type), []).append(one)
-    return [sorted(of_one, key=lambda one: one.threshold) for of_one in groups.values()]
+    for function in functions:
+        groups.setdefault((str(function.damage), function.type), []).append(function)
+    return [sorted(of_one, key=lambda function: function.threshold) for of_one in groups.values()]
 
 
 def _function(functions: Sequence[Fragility], name: str, states: Sequence[str]) -> list[str]:
     imt, factor = _measure(functions[0])
-    far = [one.theta * factor * math.exp(sign * _FAR * one.beta_total) for one in functions for sign in (-1.0, 1.0)]
+    far = [
+        function_of_state.theta * factor * math.exp(sign * _FAR * function_of_state.beta_total)
+        for function_of_state in functions
+        for sign in (-1.0, 1.0)
+    ]
     lines = [
         f'    <fragilityFunction id={quoteattr(name)} format="continuous" shape="logncdf">',
         f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
     ]
-    for one, state in zip(functions, states, strict=True):
-        mean = one.theta * factor * math.exp(0.5 * one.beta_total**2)
-        deviation = mean * math.sqrt(math.expm1(one.beta_total**2))
+    for function_of_state, state in zip(functions, states, strict=True):
+        mean = function_of_state.theta * factor * math.exp(0.5 * function_of_state.beta_total**2)
+        deviation = mean * math.sqrt(math.expm1(function_of_state.beta_total**2))
         lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
     return [*lines, "    </fragilityFunction>"]
 
 
 def _measure(function: Fragility) -> tuple[str, float]:
     """What OpenQuake calls the intensity measure, and the factor to its unit."""
-    for name, imt, units, own in _IMTS:
-        found = re.fullmatch(name, function.im.lower())
-        if found and function.unit in units:
-            numbers = {part: f"{float(text):.6g}" for part, text in found.groupdict().items()}
-            return imt.format(**numbers), units[function.unit] / own
+    for name, imt, units, unit in _IMTS:
+        match = re.fullmatch(name, function.im.lower())
+        if match and function.unit in units:
+            numbers = {part: f"{float(text):.6g}" for part, text in match.groupdict().items()}
+            return imt.format(**numbers), units[function.unit] / unit
     measure = f"{function.im or 'untold'} {function.unit}".rstrip()
     raise UsageError(
         "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; the "

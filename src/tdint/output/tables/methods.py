@@ -44,11 +44,11 @@ METHOD = (
 )
 
 
-def _parameters(one: Integrator) -> str:
+def _parameters(integrator: Integrator) -> str:
     """`beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed`: a computed default follows from the ones before it."""
     return "; ".join(
         f"{parameter.name}={cell_text(value)} in {parameter.range}" + (", computed" * callable(parameter.default))
-        for parameter, value in zip(one.method.parameters, one.values, strict=True)
+        for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True)
     )
 
 
@@ -87,8 +87,8 @@ OVERSHOOT = (
     _DT_OVER_T,
     Column("start", "text", "start", "what the oscillator starts from"),
     Column("step", "1", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
-    Column("displacement", "1", "displacement", "over the amplitude of the exact motion"),
-    Column("velocity", "1", "velocity", "over omega times that amplitude"),
+    Column("displacement", "1", "displacement", "over the largest one of the exact motion"),
+    Column("velocity", "1", "velocity", "over the largest one of the exact motion"),
     Column(
         "displacement_power",
         "1",
@@ -101,11 +101,12 @@ OVERSHOOT = (
         lambda one: _power(one.velocity_power),
         "power of omega dt in the first step's velocity times dt; empty where the step leaves nothing of it",
     ),
+    Column("law", "text", "law", "restoring force of the oscillator"),
 )
 
 
 def _order(quantity: str) -> Column:
-    return Column(f"{quantity}_order", "1", lambda one: one.order(quantity), f"observed order of the {quantity}")
+    return Column(f"{quantity}_order", "1", lambda order: order.order(quantity), f"observed order of the {quantity}")
 
 
 ORDER = (
@@ -202,9 +203,9 @@ def reference_table(methods: Iterable[Method]) -> Table:
     """The publications of methods, a row for each."""
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
-        found = references_of(method)
-        rows += [(method.name, one.text.partition(" doi:")[0], one.doi) for one in found]
-        rows += [] if found else [(method.name, method.source, "")]
+        references = references_of(method)
+        rows += [(method.name, reference.text.partition(" doi:")[0], reference.doi) for reference in references]
+        rows += [] if references else [(method.name, method.source, "")]
     return Table.of(REFERENCE, rows)
 
 
@@ -238,16 +239,16 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
 
     The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
-    place = rank(lambda one: _rank(one, runs, reference))
+    place = rank(lambda run: _rank(run, runs, reference))
     return Table.of_results((*EXAMPLE, place, OUTCOME), runs)
 
 
-def _rank(one: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
+def _rank(ranked: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
     """Place among the methods as they are; none for a variant and for a run without an end."""
-    error = one.error("displacement", reference)
-    if one.variant or math.isnan(error):
+    error = ranked.error("displacement", reference)
+    if ranked.variant or math.isnan(error):
         return None
-    rivals = [run for run in runs if (run.example, run.dt, run.variant) == (one.example, one.dt, "")]
+    rivals = [run for run in runs if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")]
     return 1 + sum(run.error("displacement", reference) < error for run in rivals)
 
 
@@ -268,7 +269,7 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
 
 def _within(factor: float, name: str) -> Column:
     return Column(
-        name, "1", lambda one: one.within(factor), f"of these, at no more than {factor:g} times the least cost"
+        name, "1", lambda profile: profile.within(factor), f"of these, at no more than {factor:g} times the least cost"
     )
 
 

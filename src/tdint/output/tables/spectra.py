@@ -89,11 +89,13 @@ TARGET = (
 
 def difference(published: str) -> tuple[Column, ...]:
     """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
-    own = next(column for column in SPECTRUM if column.name == published)
+    column_of_ours = next(column for column in SPECTRUM if column.name == published)
     return (
         *SPECTRUM[:2],
-        Column(own.name, own.unit, "computed", own.meaning),
-        Column(f"published_{own.name}", own.unit, "expected", f"published: {own.meaning}"),
+        Column(column_of_ours.name, column_of_ours.unit, "computed", column_of_ours.meaning),
+        Column(
+            f"published_{column_of_ours.name}", column_of_ours.unit, "expected", f"published: {column_of_ours.meaning}"
+        ),
         Column("relative_difference", "1", "relative_difference", "computed over published value, less 1"),
     )
 
@@ -135,8 +137,8 @@ class RecordInfo(Tabular):
     housner_intensity: float = math.nan
 
     def _headline(self) -> str:
-        one = self.record
-        return f"of {one.source} {one.component}: {one.duration:.4g} s, PGA {one.pga:.4g} m/s^2"
+        record = self.record
+        return f"of {record.source} {record.component}: {record.duration:.4g} s, PGA {record.pga:.4g} m/s^2"
 
 
 _HOUSNER = 481
@@ -164,10 +166,10 @@ def record_info(record: AnyRecord) -> RecordInfo:
     from tdint.analysis.given import record_of
     from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 
-    found = record_of(record)
+    of_file = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
-    psv = spectrum(found, periods, SA_DAMPING).psv
-    return RecordInfo(found, measure(found), spectrum_intensity(periods, psv))
+    psv = spectrum(of_file, periods, SA_DAMPING).psv
+    return RecordInfo(of_file, measure(of_file), spectrum_intensity(periods, psv))
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
@@ -175,13 +177,13 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
     return Table.of_results(INFO, infos)
 
 
-def record_table(own: Sequence[Column], results: Sequence[Any]) -> Table:
+def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     """The rows of results that are each of one record, after the record's name and component."""
     names = component_names([result.record for result in results])
     rows: list[tuple[Cell, ...]] = []
     for result, name in zip(results, names, strict=True):
-        rows.extend((result.record.source, name, *row) for row in rows_of(own, result))
-    return Table.of((*OF_RECORD, *own), rows)
+        rows.extend((result.record.source, name, *row) for row in rows_of(columns, result))
+    return Table.of((*OF_RECORD, *columns), rows)
 
 
 def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
@@ -198,8 +200,8 @@ def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
     """One row per motion, damping ratio and period, a column per percentile; `stated`: choices with columns."""
-    own = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
-    return Table.of_results((*OF_MOTION, *own), spectra)
+    columns = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
+    return Table.of_results((*OF_MOTION, *columns), spectra)
 
 
 OF_FLOORS = (
@@ -220,5 +222,7 @@ def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
     """A row per floor, damping ratio and period, in the order given."""
-    rows = [(one.floor, *row) for one in spectra for row in rows_of(SPECTRUM, one.spectrum)]
+    rows = [
+        (floor_spectrum.floor, *row) for floor_spectrum in spectra for row in rows_of(SPECTRUM, floor_spectrum.spectrum)
+    ]
     return Table.of((FLOOR, *SPECTRUM), rows)

@@ -79,7 +79,7 @@ _RECORD = (
 
 def _of_runs(name: str) -> Callable[[Any], Any]:
     """What gives a value of all runs."""
-    return lambda one: one.of_runs(name)
+    return lambda curve: curve.of_runs(name)
 
 
 IDA = (
@@ -186,7 +186,7 @@ def _bound(place: int, name: str) -> Column:
     return Column(
         f"{name}_failed_{word}",
         "1",
-        lambda one: getattr(one.bounds[place], name, np.nan),
+        lambda fit: getattr(fit.bounds[place], name, np.nan),
         f"{name} with all failed runs counted as {meaning}; empty where that tells none",
     )
 
@@ -210,8 +210,8 @@ _COUNTS = {
 def _of_bin(place: int, name: str) -> Callable[[Fragility], float]:
     """What was counted in a bin; nan where there are fewer."""
 
-    def value(one: Fragility) -> float:
-        values = getattr(one.counted, name, ())
+    def value(function: Fragility) -> float:
+        values = getattr(function.counted, name, ())
         return float(values[place]) if place < len(values) else np.nan
 
     return value
@@ -272,9 +272,11 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    corrected = any(run.corrected_drift_ratio == run.corrected_drift_ratio for one in study.curves for run in one.runs)
+    corrected = any(
+        run.corrected_drift_ratio == run.corrected_drift_ratio for curve in study.curves for run in curve.runs
+    )
     columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked, *IDA_CORRECTED * corrected)
-    table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
+    table = Table.of(columns, [row for curve in _curves(study) for row in rows_of(columns, curve)])
     return _with_unit(table, study.measure.unit)
 
 
@@ -282,9 +284,9 @@ def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
     columns = _with_damage(CAPACITIES, study)
     rows = [
-        rows_of(columns, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
-        for one in _curves(study)
-        for capacity in map(one.curve.capacity, study.thresholds)
+        rows_of(columns, _CurveRows(curve.record, curve.component, study, curve.curve, capacity))[0]
+        for curve in _curves(study)
+        for capacity in map(curve.curve.capacity, study.thresholds)
     ]
     return _with_unit(Table.of(columns, rows), study.measure.unit)
 
@@ -295,16 +297,18 @@ def fragility_table(
     """A row for each function; with `total` a column of the standard deviation with that of the model. Functions of
     states have the columns `states` first, clouds bring those of their line, runs without a result those that bound
     what they may change, and last stands what was counted."""
-    wanted = (
-        *(states if any(one.type for one in functions) else ()),
-        *((FRAGILITY_DAMAGE,) if any(one.damage == one.damage for one in functions) else ()),
+    columns = (
+        *(states if any(function.type for function in functions) else ()),
+        *((FRAGILITY_DAMAGE,) if any(function.damage == function.damage for function in functions) else ()),
         *FRAGILITY,
-        *(CLOUD if any(one.cloud for one in functions) else ()),
-        *(FAILED if any(one.failed and not one.type for one in functions) else ()),
+        *(CLOUD if any(function.cloud for function in functions) else ()),
+        *(FAILED if any(function.failed and not function.type for function in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
-        *COUNTED[: len(_COUNTS) * max((one.counted.im.size for one in functions if one.counted), default=0)],
+        *COUNTED[
+            : len(_COUNTS) * max((function.counted.im.size for function in functions if function.counted), default=0)
+        ],
     )
-    return Table.of_results(wanted, functions)
+    return Table.of_results(columns, functions)
 
 
 COMPARED = (
@@ -329,9 +333,9 @@ def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
     """A row for each measure and characteristic of the motions; one for each measure where there is none."""
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
-        own = tuple(column.of(fit) for column in COMPARED)
-        ends = [tuple(column.of(one) for column in DEPENDENCE) for one in fit.dependences]
-        rows += [(*own, *end) for end in ends or [(None, None, None)]]
+        columns = tuple(column.of(fit) for column in COMPARED)
+        ends = [tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences]
+        rows += [(*columns, *end) for end in ends or [(None, None, None)]]
     return Table.of((*COMPARED, *DEPENDENCE), rows)
 
 

@@ -65,9 +65,9 @@ class Column:
     meaning: str
 
     @classmethod
-    def of_quantity(cls, one: Quantity) -> Column:
+    def of_quantity(cls, quantity: Quantity) -> Column:
         """The column of a declared quantity, which is an attribute of the result."""
-        return cls(one.column, one.unit, one.name, one.meaning)
+        return cls(quantity.column, quantity.unit, quantity.name, quantity.meaning)
 
     def of(self, result: Any) -> Any:
         """The value for a result."""
@@ -77,9 +77,9 @@ class Column:
 def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
     """The columns that a result declares in its fields; of those that are shown when asked for the ones named."""
     return tuple(
-        Column(one.column, one.unit, one.value or one.name, one.meaning)
-        for one in quantities(kind)
-        if "table" in one.shown or one.name in asked
+        Column(quantity.column, quantity.unit, quantity.value or quantity.name, quantity.meaning)
+        for quantity in quantities(kind)
+        if "table" in quantity.shown or quantity.name in asked
     )
 
 
@@ -168,10 +168,10 @@ class Table:
         """The same table in other units: columns renamed with them, numbers converted."""
         if units == SI:
             return self
-        found = [units.column(name, self.meanings.get(name, {}).get("unit", TEXT)) for name in self.columns]
-        factors = [factor for _, factor in found]
+        headed = [units.column(name, self.meanings.get(name, {}).get("unit", TEXT)) for name in self.columns]
+        factors = [factor for _, factor in headed]
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
-        return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
+        return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
 
     def chosen(self, names: Iterable[str]) -> Table:
         """Some columns, by their names; what it has not is left out."""
@@ -181,15 +181,15 @@ class Table:
 
     def by_column(self) -> list[tuple[Column, Any]]:
         """Each column with its cells: numbers as an array, nan for none; words as a list."""
-        found = []
+        columns = []
         for place, name in enumerate(self.columns):
             about = self.meanings[name]
             unit = about.get("unit", TEXT)
             cells = [row[place] for row in self.rows]
             words = unit == TEXT or any(isinstance(cell, str) for cell in cells)
             values = cells if words else np.array([np.nan if cell is None else cell for cell in cells])
-            found.append((Column(name, unit, name, about["meaning"]), values))
-        return found
+            columns.append((Column(name, unit, name, about["meaning"]), values))
+        return columns
 
     def csv(self, *, header: bool = True) -> bytes:
         """The table as CSV, without its first line if `header` is False."""

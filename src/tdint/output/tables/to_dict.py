@@ -76,24 +76,24 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         The result has no table, or a unit is unknown.
     """
     if isinstance(result, list | tuple | Several) and type(result[0] if len(result) else None) not in _IN_ROWS:
-        return _joined([to_dict(one, units) for one in result])
-    wanted = parse_output_units(units) if units else SI
+        return _joined([to_dict(item, units) for item in result])
+    output_units = parse_output_units(units) if units else SI
     values = _values(result)
     size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
-    found: dict[str, Any] = {}
+    tables: dict[str, Any] = {}
     for column, value in values:
-        renamed, factor = wanted.column(column.name, column.unit)
+        renamed, factor = output_units.column(column.name, column.unit)
         if isinstance(value, list):
-            found[renamed] = value
+            tables[renamed] = value
         elif isinstance(value, str):
-            found[renamed] = [value] * size
+            tables[renamed] = [value] * size
         elif isinstance(value, np.ndarray) and value.dtype.kind == "U":
-            found[renamed] = value.tolist()
+            tables[renamed] = value.tolist()
         elif isinstance(value, np.ndarray):
-            found[renamed] = value / factor if factor != 1.0 else value
+            tables[renamed] = value / factor if factor != 1.0 else value
         else:
-            found[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
-    return found
+            tables[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
+    return tables
 
 
 def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -135,11 +135,15 @@ def to_xarray(runs: Runs) -> Any:
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in along}
     coordinates |= {"run": np.arange(len(runs.model)), "story": 1 + np.arange(runs.stories.peak_drift.shape[1])}
     told: dict[str, Any] = {}
-    for one in STORY:
-        about = {"units": one.unit, "long_name": one.meaning}
-        told[one.name] = ("run", "story"), getattr(runs.stories, one.name), about
-        if hasattr(runs.errors, one.name):
-            told[f"{one.name}_error"] = ("run", "story"), getattr(runs.errors, one.name), {"units": one.unit}
+    for story_quantity in STORY:
+        about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
+        told[story_quantity.name] = ("run", "story"), getattr(runs.stories, story_quantity.name), about
+        if hasattr(runs.errors, story_quantity.name):
+            told[f"{story_quantity.name}_error"] = (
+                ("run", "story"),
+                getattr(runs.errors, story_quantity.name),
+                {"units": story_quantity.unit},
+            )
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
@@ -156,10 +160,10 @@ _HISTORY_UNITS = {one.called or one.name: one.unit for one in quantities(History
 
 def to_html(result: Any, caption: str) -> str:
     """The first rows of a result's table."""
-    found = to_dict(result)
-    size = len(next(iter(found.values())))
-    head = "".join(f"<th>{escape(name)}</th>" for name in found)
-    rows = ([escape(_cell(values[row])) for values in found.values()] for row in range(min(size, _ROWS)))
+    tables = to_dict(result)
+    size = len(next(iter(tables.values())))
+    head = "".join(f"<th>{escape(name)}</th>" for name in tables)
+    rows = ([escape(_cell(values[row])) for values in tables.values()] for row in range(min(size, _ROWS)))
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
     return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more}"
@@ -183,12 +187,12 @@ def _values(result: object) -> _Values:
     raise UsageError(f"{type(result).__name__} has no table")
 
 
-def _of(own: Sequence[Column], result: Any) -> _Values:
-    return [(column, column.of(result)) for column in own]
+def _of(columns: Sequence[Column], result: Any) -> _Values:
+    return [(column, column.of(result)) for column in columns]
 
 
-def _of_record(own: Sequence[Column], result: Any) -> _Values:
-    return _of((*OF_RECORD, *own), result)
+def _of_record(columns: Sequence[Column], result: Any) -> _Values:
+    return _of((*OF_RECORD, *columns), result)
 
 
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:

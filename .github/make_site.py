@@ -1,0 +1,273 @@
+"""The site: python .github/make_site.py [FOLDER] builds it in FOLDER/site, build/site where none is named.
+
+Its pages are the READMEs, the glossary and the changelog as they stand, and pages that the program writes: one a
+command (what `--help-all` says), one a method (equations, parameters, figure of stability, publications), one a file
+that a README leads to. `pip install '.[site]'` brings the generator; `.github/site.yml` says how the site looks.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import posixpath
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import yaml
+
+import tdint
+from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.methods.references import references_of
+from tdint_cli.main import COMMANDS, cli
+from tdint_cli.options.grammar import GENERAL, ORDER, Command
+
+ROOT = Path(__file__).parents[1]
+SETTINGS = ROOT / ".github" / "site.yml"
+STYLE = ROOT / ".github" / "site.css"
+METHODS = "src/tdint/methods"
+
+PICTURES = {".png", ".svg", ".pdf"}
+_LANGUAGES = {".yaml": "yaml", ".py": "python"}
+_LINK = re.compile(r"\]\((?!\w+:)([^)\s#]+)(#[^)\s]*)?\)")
+_FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
+_COEFFICIENTS = re.compile(r"^# Coefficients.*\n((?:[A-Z]\w* = \d+.*\n)+)", re.MULTILINE)
+
+STEPS = np.geomspace(1e-3, 1e3, 400)
+"""dt/T of the figures: as `tdint stability` has them."""
+
+BESIDE = "newmark-average"
+"""What every method is drawn beside: the one that most programs have."""
+
+
+# ---- Pages that stand in the repository
+
+
+def readmes() -> list[Path]:
+    """The pages that people write."""
+    folders = (ROOT / name for name in ("cli", "configs", "records", "src", "tests"))
+    return [ROOT / "README.md", ROOT / "CHANGELOG.md", *(file for one in folders for file in sorted(one.rglob("*.md")))]
+
+
+def links(page: str, text: str) -> Iterator[str]:
+    """What a page leads to within the repository, as paths from its root; what stands in code is none."""
+    for part in _FENCE.split(text)[::2]:
+        for target, _ in _LINK.findall(part):
+            yield posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
+
+
+def led_to_pages(page: str, text: str) -> str:
+    """A page whose links to files that are shown lead to the pages that show them, and those to folders to their
+    READMEs."""
+
+    def turned(match: re.Match[str]) -> str:
+        target, section = match[1], match[2] or ""
+        aim = ROOT / posixpath.dirname(page) / target
+        if aim.is_dir():
+            target = posixpath.join(target, "README.md")
+        elif is_shown(aim):
+            target += ".md"
+        return f"]({target}{section})"
+
+    parts = _FENCE.split(text)
+    parts[::2] = [_LINK.sub(turned, part) for part in parts[::2]]
+    return "".join(parts)
+
+
+def is_shown(file: Path) -> bool:
+    """Whether a file gets a page of its own, which shows its text."""
+    return file.suffix != ".md" and file.suffix not in PICTURES
+
+
+def shown(name: str) -> str:
+    """The page of a file: its text."""
+    file = ROOT / name
+    return f"# {file.name}\n\n`{name}`\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"
+
+
+def with_links_to_methods(text: str) -> str:
+    """The table of methods with a link to each one's page, which has its parameters, in place of their column."""
+    begin, table, rest = re.split(r"^<!-- (?:generated: methods|end: methods) -->\n", text, flags=re.MULTILINE)
+    rows = [re.sub(r"^(\|[^|]*\|)[^|]*\|", r"\1", row) for row in table.splitlines()]
+    rows = [re.sub(r"^\| `([\w-]+)` ", r"| [`\1`](\1.md) ", row) for row in rows]
+    return begin + "\n".join(rows) + "\n" + rest
+
+
+# ---- Pages that the program writes
+
+
+def escaped(text: str) -> str:
+    """Words of the program as Markdown that says the same; what stands in backticks stays."""
+    parts = re.split(r"(`[^`]*`)", text)
+    parts[::2] = [re.sub(r"([*_\[\]])", r"\\\1", part.replace("<", "&lt;")) for part in parts[::2]]
+    return "".join(parts)
+
+
+def paragraphs(text: str) -> str:
+    """A docstring as Markdown: its formulas, which are indented, as they stand, all else as prose."""
+    blocks = re.split(r"\n\n+", inspect.cleandoc(text))
+    return "\n\n".join(block if block.startswith("    ") else escaped(" ".join(block.split())) for block in blocks)
+
+
+def command_page(name: str) -> str:
+    """What `tdint NAME --help-all` says."""
+    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    assert isinstance(command, Command)
+    context = click.Context(command, parent=click.Context(cli, info_name="tdint"), info_name=name)
+    usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
+    parts = [f"# tdint {name}", f"    {usage}", paragraphs(command.help or "")]
+    parts += ["## Examples", "```sh\n" + "\n".join(command.examples) + "\n```"]
+    for heading in ORDER:
+        options = [one for one in command.get_params(context) if getattr(one, "heading", GENERAL) == heading]
+        records = [record for one in options if (record := one.get_help_record(context))]
+        if records:
+            parts += [f"## {heading}", *(f"`{flags}`\n:   {escaped(text)}" for flags, text in records)]
+    if command.exits:
+        parts += [
+            "## Exit codes",
+            "\n".join(f"- {code}: {escaped(meaning)}" for code, meaning in command.exits.items()),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def method_page(name: str) -> str:
+    """A method of the catalogue: what it is, its equations, its figure of stability, where it was published."""
+    integrator = parse(name)
+    method = integrator.method
+    step = method.family.step.function
+    module = sys.modules[step.__module__]
+    parts = [f"# {name}", escaped(method.source[0].upper() + method.source[1:]) + ".", facts(integrator)]
+    parts += ["## Equations", *map(paragraphs, (module.__doc__ or "", step.__doc__ or ""))]
+    parts += [coefficients(integrator, inspect.getsource(module))]
+    picture = f"![Spectral radius, period error and damping of {name} over dt/T]({picture_of(name)})"
+    parts += [
+        "## Stability and accuracy",
+        picture,
+        f"    tdint stability --method {name},{BESIDE} --plot=stability.png",
+    ]
+    if publications := references_of(method):
+        parts += ["## Publications", "\n".join(f"- {escaped(one.text)}" for one in publications)]
+        parts += ["```bibtex\n" + "\n".join(one.bibtex for one in publications) + "```"]
+    return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def facts(integrator: Integrator) -> str:
+    """Parameters, order and limits, a line each; numbers at the defaults."""
+    method = integrator.method
+    named = zip(method.parameters, integrator.values, strict=True)
+    lines = [f"parameter `{one.name}`, in {one.range}: {value:.6g} unless said otherwise" for one, value in named]
+    limit = integrator.stability_limit
+    lines += [f"order {integrator.order} for a smooth load"]
+    lines += ["stable at any step" if math.isinf(limit) else f"stable up to omega dt = {limit:.4g} without damping"]
+    if not math.isnan(integrator.rho_inf):
+        lines += [f"spectral radius of {integrator.rho_inf:.4g} at very large steps (rho_inf)"]
+    lines += ["implicit" if integrator.implicit else "explicit"] + ["for linear buildings"] * method.family.linear_only
+    return "\n".join(f"- {escaped(line)}" for line in lines)
+
+
+def coefficients(integrator: Integrator, source: str) -> str:
+    """The coefficients of a family's step by the names that the module gives them, at the defaults."""
+    found = _COEFFICIENTS.search(source)
+    values = integrator.method.coefficients(*integrator.values)
+    if found is None or not values:
+        return ""
+    places = {name: int(place) for name, place in re.findall(r"^(\w+) = (\d+)", found[1], re.MULTILINE)}
+    ends = [*list(places.values())[1:], len(values)]
+    lines = [
+        f"    {name} = {', '.join(f'{value:.10g}' for value in values[place:end])}"
+        for (name, place), end in zip(places.items(), ends, strict=True)
+        if place < len(values)
+    ]
+    return "Coefficients at the defaults:\n\n" + "\n".join(lines)
+
+
+def picture_of(name: str) -> str:
+    """The file of a method's figure, beside its page."""
+    return f"{name}-stability.png"
+
+
+def draw(name: str, file: Path) -> None:
+    """A method's figure of stability, average acceleration beside it."""
+    curves = [tdint.stability(one, STEPS) for one in dict.fromkeys((name, BESIDE))]
+    tdint.plot(curves, file=file)
+
+
+# ---- The whole
+
+
+def pages() -> dict[str, str]:
+    """The Markdown of every page, by its path in the site's sources."""
+    texts = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8") for file in readmes()}
+    led = {target for page, text in texts.items() for target in links(page, text)}
+    found = {page: led_to_pages(page, text) for page, text in texts.items()}
+    found[f"{METHODS}/README.md"] = with_links_to_methods(found[f"{METHODS}/README.md"])
+    found |= {f"cli/{name}.md": command_page(name) for name in COMMANDS}
+    found |= {f"{METHODS}/{name}.md": method_page(name) for name in catalogue()}
+    files = (name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name))
+    return found | {f"{name}.md": shown(name) for name in files}
+
+
+def pictures() -> list[str]:
+    """The pictures that READMEs show, as paths from the root."""
+    texts = ((file.relative_to(ROOT).as_posix(), file.read_text("utf-8")) for file in readmes())
+    return sorted({one for page, text in texts for one in links(page, text) if Path(one).suffix in PICTURES})
+
+
+def settings(names: Iterable[str]) -> dict[str, Any]:
+    """The settings of the generator, with the pages of commands, methods and models where these are listed."""
+    found: dict[str, Any] = yaml.safe_load(SETTINGS.read_text("utf-8"))
+    models = (name for name in names if re.fullmatch(r"configs/[\w-]+\.yaml\.md", name))
+    lists: dict[str, list[Any]] = {
+        "...cli": [{f"tdint {name}": f"cli/{name}.md"} for name in COMMANDS],
+        "...methods": [{name: f"{METHODS}/{name}.md"} for name in catalogue()],
+        "...configs": [{Path(name).name.partition(".")[0]: name} for name in models],
+    }
+
+    def filled(entries: list[Any]) -> list[Any]:
+        result: list[Any] = []
+        for entry in entries:
+            if isinstance(entry, str):
+                result += lists[entry]
+            else:
+                ((title, inner),) = entry.items()
+                result.append({title: filled(inner) if isinstance(inner, list) else inner})
+        return result
+
+    return found | {"nav": filled(found["nav"])}
+
+
+def write(folder: Path) -> None:
+    """Write what the generator reads into a folder: settings, pages, pictures."""
+    shutil.rmtree(folder / "source", ignore_errors=True)
+    texts = pages()
+    for name, text in texts.items():
+        file = folder / "source" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    for name in pictures():
+        (folder / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, folder / "source" / name)
+    shutil.copyfile(STYLE, folder / "source" / STYLE.name)
+    for name in catalogue():
+        draw(name, folder / "source" / METHODS / picture_of(name))
+    (folder / SETTINGS.name).write_text(yaml.safe_dump(settings(texts), sort_keys=False), encoding="utf-8")
+
+
+def build(folder: Path) -> int:
+    """Build the site in folder/site; links that lead nowhere are errors. The generator's exit code."""
+    write(folder)
+    generator = [sys.executable, "-m", "zensical", "build", "--strict", "--clean"]
+    return subprocess.run([*generator, "--config-file", folder / SETTINGS.name]).returncode
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build"
+    sys.exit(build(folder.absolute()))

@@ -1,0 +1,142 @@
+"""Figures of the paper of 2022: its examples' motions and errors, and what the buildings of examples 2 and 3 are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+
+from tdint.arrays import Array
+from tdint.output.figures.assessment import line_styles, short_labels
+from tdint.output.figures.style import add_legend, add_title
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
+    from tdint.model.definition import Model, Story
+
+_NARROW = 31  # labels that fit into three columns
+_NEAR = 3  # steps on both sides of the peak that a close-up shows
+_SHOWN = 2  # masses at each end of a row too long to draw
+_SIDE = 0.5  # of a mass, of the distance between two
+
+
+def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
+    """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
+
+    Parameters
+    ----------
+    about : str
+        What the example is, in a line.
+    runs : sequence of ExampleRun
+        Of one example and one step; at least one of them ended. Variants are left out.
+    shown : ExampleFigure
+        Which one.
+    exact : str
+        What is called exact: its name in the legend.
+    reference : str
+        Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
+    """
+    runs = [run for run in runs if run.outcome == "done" and not run.variant]
+    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
+    wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    time = runs[0].motion.time
+    true = runs[0].exact(reference).displacement[:, shown.floor - 1]
+    displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
+    values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
+    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
+    near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
+    labels = list(short_labels([run.method for run in runs]).values())
+    lines: dict[str, Any] = {}
+    for axes, part in ((wide, slice(None)), (close, near)):
+        if not shown.is_error:
+            (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
+        lines |= _draw_motions(axes, time[part], [motion[part] for motion in values], labels, marked=axes is close)
+    quantity = "|u - u_exact|" if shown.is_error else "displacement u"
+    wide.set_ylabel(f"{quantity} (m)", parse_math=False)
+    wide.set_xlim(time[0], time[-1])
+    wide.axvline(time[peak], color="0.3", linewidth=0.8)
+    close.set_title(f"close-up at {time[peak]:.4g} s")
+    close.xaxis.set_major_locator(MaxNLocator(3))
+    if shown.is_error:
+        for axes in (wide, close):
+            axes.set_ylim(bottom=0.0)
+    add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
+    beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
+    floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
+    add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
+    return figure
+
+
+def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
+    """A line for each method; with markers at every step, or at some. Lines by label."""
+    lines = {}
+    for motion, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
+        marks = {"markevery": 1} if marked else {}
+        (line,) = axes.plot(time, motion, **{**style, **marks}, linewidth=0.8)
+        lines[label] = line
+    axes.set_xlabel("time (s)")
+    return lines
+
+
+# ---- What a building of an example is: masses in a row between springs and dashpots, the first one at a wall
+
+
+def row_picture(title: str, model: Model) -> Figure:
+    """Drawing of a building as a row of masses, the left end fixed; of many the first and last two."""
+    count = len(model.stories)
+    is_cut = count > 2 * _SHOWN
+    shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))
+    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
+    axes.axis("off")
+    axes.add_patch(Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4"))
+    for place, index in enumerate(shown):
+        left = place + (is_cut and place >= _SHOWN) + 1.0 - _SIDE
+        if is_cut and place == _SHOWN:
+            axes.text(left - 1.0 + 0.5 * _SIDE, 0.0, "· · ·", ha="center", va="center", fontsize=14.0)
+        _draw_link(axes, left - (1.0 - _SIDE), left)
+        axes.add_patch(Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black"))
+        axes.text(left + 0.5 * _SIDE, 0.0, f"{model.stories[index].mass:g} kg", ha="center", va="center", fontsize=7.5)
+        axes.text(left + 0.5 * _SIDE, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
+        if force := _force_of(model, index + 1):
+            axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
+            axes.text(left + 0.5 * _SIDE, 0.55, force, ha="center", va="bottom", fontsize=7.0)
+    springs = list(dict.fromkeys(_spring_of(story) for story in model.stories))
+    text = "\n".join(springs if len(springs) == 1 else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)])
+    axes.text(0.0, -0.6, text, ha="left", va="top", fontsize=7.5)
+    add_title(figure, title)
+    return figure
+
+
+def _draw_link(axes: Any, left: float, right: float) -> None:
+    """A spring above a dashpot."""
+    x = np.linspace(left, right, 9)
+    teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
+    axes.plot(x, 0.13 + 0.05 * teeth, color="black", linewidth=0.9)
+    middle = 0.5 * (left + right)
+    axes.plot([left, middle], [-0.13, -0.13], color="black", linewidth=0.9)
+    axes.plot([middle, middle], [-0.18, -0.08], color="black", linewidth=0.9)
+    cup = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
+    axes.plot(cup, [-0.2, -0.2, -0.06, -0.06], color="black", linewidth=0.9)
+    axes.plot([middle + 0.06, right], [-0.13, -0.13], color="black", linewidth=0.9)
+
+
+def _force_of(model: Model, floor: int) -> str:
+    """The force on a floor, N, as a sum of cosines and sines."""
+    parts = []
+    for force in model.excitation.forces:
+        waves = ((force.cosine, "cos"), (force.sine, "sin"))
+        parts += [f"{size:g} {wave} {force.omega:g}t" for size, wave in waves if size and force.floor == floor]
+    return f"{' + '.join(parts)} N" if parts else ""
+
+
+def _spring_of(story: Story) -> str:
+    """Force and dashpot of a story, with the powers of the drift d."""
+    powers = ("d", "d²", "d³")
+    terms = [f"{value:g} {power}" for value, power in zip(story.law.parameters, powers, strict=False) if value]
+    return f"f = {' + '.join(terms)} N, dashpot {story.dashpot:g} N s/m"

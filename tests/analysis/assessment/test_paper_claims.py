@@ -1,0 +1,85 @@
+"""What the paper of 2022 says of limits, cusps and frequencies beside what is measured: rows of methods/README."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.analysis.assessment.paper_examples import examples
+from tdint.analysis.assessment.stability import critical_step, stability
+from tdint.analysis.run.workspace import amplification
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+
+DAMPINGS = (0.0, 0.02, 0.05, 0.2)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize(("method", "limit"), [("central-difference", 2.0), ("newmark-linear", math.sqrt(12.0))])
+def test_damping_does_not_relax_the_limits(method, limit, damping):
+    """Conclusion 2. The damping of the step's end is implicit: with gamma = 1/2 it leaves the limit where it is."""
+    assert critical_step(parse(method), damping) == pytest.approx(limit, rel=1e-6)
+
+
+def test_the_limits_over_the_period():
+    """The paper: 0.31 T and 0.55 T."""
+    over_t = [critical_step(parse(method)) / (2.0 * math.pi) for method in ("central-difference", "newmark-linear")]
+    assert over_t == pytest.approx([1.0 / math.pi, math.sqrt(3.0) / math.pi], rel=1e-6)
+    assert [math.floor(100.0 * ratio) / 100.0 for ratio in over_t] == [0.31, 0.55]
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(damping):
+    """With (u(t) - u(t - h)) / h as velocity: 2 (sqrt(1 + xi^2) - xi), from the recurrence alone."""
+    limit = 2.0 * (math.sqrt(1.0 + damping**2) - damping)
+
+    def radius(w):
+        # u(t + h) = (2 - w^2 - 2 xi w) u(t) - (1 - 2 xi w) u(t - h)
+        return np.max(np.abs(np.roots([1.0, w * w + 2.0 * damping * w - 2.0, 1.0 - 2.0 * damping * w])))
+
+    assert radius(limit * 0.999) <= 1.0 + 1e-12
+    assert radius(limit * 1.001) > 1.0
+    assert limit <= 2.0
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
+    """Where the conclusion would hold: the closed form of Hughes (1987, sect. 9.1), beta 0 and gamma 0.6."""
+    gamma = 0.6
+    lead = damping * (gamma - 0.5)
+    limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
+    assert critical_step(parse(f"newmark:beta=0,gamma={gamma}"), damping) == pytest.approx(limit, rel=1e-6)
+
+
+@pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])
+def test_the_cusp_of_wilson(damping, cusp):
+    """The paper: dt/T 2.3 to 2.7. The least spectral radius lies where the conjugate roots meet and part."""
+    dt_over_t = np.linspace(0.5, 5.0, 4501)
+    radius = stability("wilson:theta=1.4", dt_over_t, damping).spectral_radius
+    lowest = int(np.argmin(radius))
+    assert dt_over_t[lowest] == pytest.approx(cusp, abs=0.005)
+    slopes = np.diff(radius) / np.diff(dt_over_t)
+    assert slopes[lowest - 1] < 0.0 < slopes[lowest]
+    assert slopes[lowest] - slopes[lowest - 1] > 50.0 * np.max(np.abs(np.diff(slopes[: lowest - 1])))
+
+
+def test_the_first_frequency_of_example_3():
+    """The paper: 0.031 rad/s. A chain of n masses, one end fixed: 2 sqrt(k / m) sin(pi / (2 (2 n + 1)))."""
+    exact = 2.0 * math.sqrt(500.0 / 50.0) * math.sin(math.pi / 602.0)
+    building = assemble(examples()[3].model)
+    measured = math.sqrt(np.linalg.eigvalsh(building.stiffness_matrix() / building.mass[0])[0])
+    assert measured == pytest.approx(exact, rel=1e-9)
+    assert exact == pytest.approx(0.0330, abs=5e-5)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("w", [0.3, 2.0, math.sqrt(12.0), 40.0])
+def test_the_denominator_of_the_appendix(damping, w):
+    """W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144 with W = omega dt; the determinant has -xi above it."""
+
+    def polynomial(xi):
+        return w**4 + 12.0 * xi * w**3 + (12.0 + 48.0 * xi**2) * w**2 + 144.0 * xi * w + 144.0
+
+    matrix = amplification(parse("impulse"), np.array([w]), np.array([damping]), 1.0)[0]
+    moving = [value for value in np.linalg.eigvals(matrix) if abs(value) > 1e-9]  # those of what it remembers are zero
+    assert np.prod(moving) == pytest.approx(polynomial(-damping) / polynomial(damping), rel=1e-10)

@@ -1,0 +1,155 @@
+"""The site: its pages are there, its links lead somewhere, its search knows them."""
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
+
+import pytest
+from click.testing import CliRunner
+
+import readmes
+from tdint.methods.catalogue import catalogue
+from tdint.methods.references import references
+from tdint_cli.main import COMMANDS, cli
+
+STRANGERS = {"https://zensical.org/"}
+"""The only place outside that every page leads to: the generator names itself."""
+
+
+@pytest.fixture(scope="module")
+def maker():
+    """The program that makes the site."""
+    specification = importlib.util.spec_from_file_location("make_site", readmes.ROOT / ".github" / "make_site.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def pages(maker):
+    return maker.pages()
+
+
+def test_every_readme_command_method_and_model_has_its_page(pages):
+    written = {path.relative_to(readmes.ROOT).as_posix() for path in [*readmes.files(), readmes.ROOT / "CHANGELOG.md"]}
+    commands = {f"cli/{name}.md" for name in COMMANDS}
+    methods = {f"src/tdint/methods/{name}.md" for name in catalogue()}
+    models = {f"configs/{path.name}.md" for path in (readmes.ROOT / "configs").glob("*.yaml")}
+    assert written | commands | methods | models <= set(pages)
+
+
+def test_readmes_stand_as_they_are_but_for_links(pages):
+    for path in readmes.files():
+        name = path.relative_to(readmes.ROOT).as_posix()
+        if name != "src/tdint/methods/README.md":
+            bare = [re.sub(r"\]\([^)\s]*\)", "]()", text) for text in (path.read_text("utf-8"), pages[name])]
+            assert bare[0] == bare[1]
+
+
+def test_links_lead_to_pages_and_pictures(maker, pages):
+    drawn = {f"{maker.METHODS}/{maker.picture_of(name)}" for name in catalogue()}
+    there = {*pages, *maker.pictures(), *drawn}
+    for page, text in pages.items():
+        assert set(maker.links(page, text)) <= there | {page, str(PurePosixPath(page).parent)}, page
+
+
+def test_the_list_of_pages_names_each_once(maker, pages):
+    named = re.findall(r"[\w./-]+\.md", json.dumps(maker.settings(pages)["nav"]))
+    assert len(named) == len(set(named))
+    lead = {page for page in pages if not page.endswith(".md.md")}
+    shown = {page for page in pages if re.fullmatch(r".*\.(yaml|csv|py)\.md|.*LICENSE\.md", page)}
+    assert set(named) >= lead - shown
+    assert set(named) <= set(pages)
+
+
+def squeezed(text):
+    """The letters of a text, without what the layout of a terminal or of Markdown adds."""
+    return re.sub(r"[\s\\`]", "", unescape(text))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_s_page_says_what_help_all_says(pages, name):
+    help_all = CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout
+    paragraphs = [squeezed(one) for one in re.split(r"\n\s*\n|\n(?=\w+:\n)|\n(?=  -)", help_all)]
+    page = squeezed(re.sub(r"\n:   ", "\n", pages[f"cli/{name}.md"]))
+    said = [one.removeprefix("Usage:") for one in paragraphs if one and not re.fullmatch(r"\w+:", one)]
+    assert len(said) > 5
+    assert [one for one in said if one not in page] == []
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_a_method_s_page_has_equations_figure_and_publications(pages, name):
+    page = pages[f"src/tdint/methods/{name}.md"]
+    equations = page.partition("## Equations")[2].partition("## Stability")[0]
+    assert re.search(r"= .*[uv]", equations)
+    assert f"({name}-stability.png)" in page
+    assert all(one.title.strip("{}") in page.replace("\\", "") for one in references().get(name, ()))
+
+
+def test_the_table_of_methods_leads_to_their_pages(pages):
+    rows = re.findall(r"^\| \[`([\w-]+)`\]\(([\w-]+)\.md\) \|(.*)$", pages["src/tdint/methods/README.md"], re.MULTILINE)
+    assert [name for name, target, _ in rows if name == target] == list(catalogue())
+    assert {cells.count("|") for _, _, cells in rows} == {4}  # order, limit, rho_inf, source
+
+
+class Found(HTMLParser):
+    """Where a page leads, what it loads, its anchors."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.leads, self.loads, self.anchors = [], [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
+        if tag == "a" and given.get("href"):
+            self.leads.append(given["href"])
+        self.loads += [given[key] for key in ("src", "href") if tag in ("img", "script", "link") and given.get(key)]
+
+
+@pytest.fixture(scope="module")
+def site(maker, tmp_path_factory):
+    """The site, its figures of methods but one left as they would be drawn: that takes a second each."""
+    pytest.importorskip("zensical", reason="the extra site is not installed")
+    folder = tmp_path_factory.mktemp("site")
+    first = next(iter(catalogue()))
+    drawn = folder / "stability.png"
+    maker.draw(first, drawn)
+    before, maker.draw = maker.draw, lambda name, file: file.write_bytes(drawn.read_bytes())
+    maker.write(folder)
+    maker.draw = before
+    command = [sys.executable, "-m", "zensical", "build", "--strict", "--config-file", str(folder / "site.yml")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "site"
+
+
+def test_the_site_s_links_lead_somewhere_and_it_loads_nothing_from_elsewhere(site):
+    found = {file: Found(file.read_text("utf-8")) for file in site.rglob("*.html") if file.name != "404.html"}
+    for file, page in found.items():
+        for target in (*page.leads, *page.loads):
+            if target in STRANGERS:
+                continue
+            assert not re.match(r"\w+:|//", target) or target in page.leads, (file, target)
+            if re.match(r"\w+:", target):
+                continue
+            path, _, anchor = unquote(target).partition("#")
+            aim = Path(file.parent, path).resolve() if path else file
+            aim = aim / "index.html" if aim.is_dir() else aim
+            assert aim.is_file() and aim.is_relative_to(site.resolve()), (file, target)
+            assert not anchor or aim not in found or anchor in found[aim].anchors | {"__skip"}, (file, target)
+
+
+def test_lists_are_lists_and_every_page_is_found(site, pages):
+    for file in site.rglob("*.html"):
+        assert not re.search(r"<p>[^<]*\n[-*] ", file.read_text("utf-8")), file
+    words = (site / "search.json").read_text("utf-8")
+    assert len(list(site.rglob("index.html"))) == len(pages)
+    assert all(word in words for word in ("glossary", "moment4", "--tolerance", "tdint pushover"))
