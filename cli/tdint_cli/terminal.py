@@ -39,7 +39,7 @@ class Settings:
     options : frozenset of str
         The options of the command that runs, --units and so on.
     arguments : tuple of str
-        The command line behind `tdint`, as it was typed.
+        The command line behind `tdint`, as it was typed, without what no output depends on.
     """
 
     debug: bool = False

@@ -190,7 +190,8 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint):
     for more in (["--max-runs", "1"], ["--max-runs", "1000"]):
         assert tdint("campaign", "campaign.yaml", "-o", "study", *more).exit_code == 0
     assert tdint("campaign", "export", "study").exit_code == 0
-    assert json.loads((folder / "study/summary.json").read_text())["arguments"][-1] == "1000"
+    told = json.loads((folder / "study/summary.json").read_text())
+    assert told["arguments"] == ["campaign", "campaign.yaml", "-o", "study"]  # how many at a time is not kept
     result = rerun(tdint, folder, "study")
     assert result.exit_code == 0 and "runs.csv: the same" in result.stderr
     for part in ("1", "2"):

@@ -32,9 +32,6 @@ SUMMARY = "summary.json"
 SHOWN = 1000
 """Cells that the table of differences has at most: of a history of millions nobody reads more."""
 
-_ALL_RUNS = ("--max-runs", str(10**9))
-"""What a campaign is called with that was done in several calls, behind the rest: its tables are those of one."""
-
 
 @options.request
 class Request:
@@ -279,13 +276,12 @@ def _place(output: str | None, stack: ExitStack) -> Path:
 def _carry_out(told: _Told, folder: Path, moved: _Elsewhere) -> int:
     """Run the command line in its folder, its data and outputs elsewhere; its exit code."""
     settings = current()
-    more = _ALL_RUNS if any(word.partition("=")[0] == _ALL_RUNS[0] for word in told.arguments) else ()
     before = ELSEWHERE.set(moved)
     say(f"tdint {' '.join(told.arguments)}")
     try:
         with chdir(folder), Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
             click.get_current_context().find_root().command.main(
-                [*told.arguments, *more], "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
+                list(told.arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
             )
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1

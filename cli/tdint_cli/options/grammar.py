@@ -466,6 +466,25 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
     return result
 
 
+_OF_THE_CALL = ("-q", "--quiet", "--debug", "--overwrite")
+_HOW_IT_IS_DONE = ("--jobs", "--max-runs", "--dask", "--tls-ca", "--tls-cert", "--tls-key")
+"""Options of which no table depends: flags, and those with a value."""
+
+
+def lasting(arguments: Sequence[str]) -> tuple[str, ...]:
+    """A command line as it was typed, without the options of which no output depends."""
+    result: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            return (*result, word, *words)
+        if word in _HOW_IT_IS_DONE:
+            next(words, None)
+        elif word not in _OF_THE_CALL and word.partition("=")[0] not in _HOW_IT_IS_DONE:
+            result.append(word)
+    return tuple(result)
+
+
 class HelpAsData(click.Command):
     """A command whose help goes where its data go, with the same errors."""
 
