@@ -297,8 +297,9 @@ def summary_bytes(
     from tdint.files import READ
     from tdint.output.summary import in_units, json_bytes, merged_inputs
 
-    read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
-    told = {**told, "inputs": merged_inputs(told.get("inputs", ()), read)}
+    known = list(told.get("inputs", ()))
+    read = merged_inputs({"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items())
+    told = {**told, "inputs": [*known, *(one for one in read if one not in known)]}
     return json_bytes({**in_units(told, units, keys), **own, "arguments": list(current().arguments)})
 
 
