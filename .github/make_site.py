@@ -144,7 +144,7 @@ def method_page(name: str) -> str:
     method = integrator.method
     step = method.family.step.function
     module = sys.modules[step.__module__]
-    parts = [f"# {name}", escaped(method.source[0].upper() + method.source[1:]) + ".", facts(integrator)]
+    parts = [f"# {name}", f"Source: {escaped(method.source)}.", facts(integrator)]
     parts += ["## Equations", *map(paragraphs, (module.__doc__ or "", step.__doc__ or ""))]
     parts += [coefficients(integrator, inspect.getsource(module))]
     picture = f"![Spectral radius, period error and damping of {name} over dt/T]({picture_of(name)})"

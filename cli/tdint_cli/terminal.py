@@ -166,7 +166,7 @@ def _discard_from_now_on() -> None:
     os.close(nowhere)
 
 
-_PARTS = 1000
+_PARTS = 1000  # of a bar: a tenth of a percent each
 
 Item = TypeVar("Item")
 
@@ -245,7 +245,7 @@ ENDING = tuple(
 """Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up. The exit code
 is what a shell reports of them, `AFTER_SIGNAL` and their number."""
 
-AFTER_SIGNAL = 128
+AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
 _NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|can't start new thread|out of memory")

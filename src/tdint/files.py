@@ -25,7 +25,7 @@ STDIN = "-"
 MOST_BYTES = 2**28
 """Of the largest file that is read: 256 MiB."""
 
-_PIECE = 2**20
+_PIECE = 2**20  # bytes: large enough that calls cost nothing, small beside any memory
 
 READ: ContextVar[dict[str, str] | None] = ContextVar("read", default=None)
 """SHA-256 of the inputs that the command that runs has read, by name; None where nobody asks."""

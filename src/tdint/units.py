@@ -14,8 +14,8 @@ from tdint.errors import UsageError, did_you_mean
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
 
-_INCH = 0.0254
-_POUND = 0.45359237
+_INCH = 0.0254  # m, by definition (1959)
+_POUND = 0.45359237  # kg, by definition (1959)
 _POUND_FORCE = _POUND * STANDARD_GRAVITY
 
 LENGTH = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": _INCH, "ft": 12.0 * _INCH}

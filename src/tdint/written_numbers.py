@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MOST_POINTS = 1_000_000
+MOST_POINTS = 1_000_000  # of a grid: beyond it a mistaken number
 
 SMALLEST, LARGEST = 1e-60, 1e60
 """Sizes of numbers in files, in SI units: products and squares of them stay within what floats hold."""

@@ -47,6 +47,23 @@ def test_rows_and_words(folder, tdint):
     assert not any(line.startswith("note: ") for line in lines)
 
 
+def test_lines_by_tolerance(folder, tdint):
+    """They stand behind the others, with the error of peak drifts alone, and are not recommended: they have no dt."""
+    result = tdint("chart", "shaken.yaml", *QUICK, "--tolerance", "5%,1%", "--plot", "x.svg")
+    assert result.exit_code == 0, result.stderr
+    chosen = rows(result.stdout)[4:]
+    assert [row["method"] for row in chosen] == [
+        f"{parse(name).label} within {tolerance}" for name in ("moment4", "impulse4") for tolerance in ("0.05", "0.01")
+    ]
+    for row in chosen:
+        assert (row["dt_s"], row["steps"], row["drift_error"], row["outcome"]) == ("", "", "", "done")
+        assert 0.0 < float(row["peak_drift_error"]) <= float(row["method"].rpartition(" ")[2])
+    assert "by tolerance" not in result.stderr and "nan" not in result.stderr
+    picture = (folder / "x.svg").read_text(encoding="utf-8")
+    words = " ".join(re.sub("<[^>]*>", " ", picture).split())
+    assert "moment4 by tolerance" in words and "by tolerance: of the whole run" in words
+
+
 def test_files(folder, tdint):
     for suffix, start in SIGNATURES.items():
         result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
@@ -237,6 +254,8 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--stories", "1,2", "--versus", "dt", "--plot", "x.png"], 2, "leave out --stories"),
         (["--versus", "dt"], 2, "--versus has nothing to act on without --plot"),
         (["--stories", "1,2", "--peers"], 2, "leave out --stories"),
+        (["--stories", "1,2", "--tolerance", "1%"], 2, "--tolerance charts one building; leave out --stories"),
+        (["--tolerance", "0"], 2, "Invalid value for '--tolerance'"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
         (["--target", "force"], 2, "Invalid value for '--target'"),
@@ -324,6 +343,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
         ((), 2, "give MODEL.yaml"),
         (("shaken.yaml", "--problems", "standard"), 2, "MODEL.yaml has nothing to act on with --problems"),
         (("--problems", "standard", "--dt", "0.01"), 2, "--dt has nothing to act on with --problems"),
+        (("--problems", "standard", "--tolerance", "1%"), 2, "--tolerance has nothing to act on with --problems"),
         (("--problems", "standard", "--record", "motion.mseed"), 2, "--record has nothing to act on"),
         (("shaken.yaml", "forced.yaml", "--stories", "3"), 2, "--stories has nothing to act on with many problems"),
         (("--problems", "standard", "--target", "drift"), 2, "--target drift is of one problem"),

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import shlex
 import zlib
 
 import pytest
@@ -13,6 +14,11 @@ from tdint.output.figures.style import Picture
 from tdint.output.printed import PRINTED, PrintedAs, in_print
 
 POINTS = 72.0 / 25.4
+STUDY = """\
+buildings: {models: [shaken.yaml]}
+records: {files: [motion.mseed, other.mseed]}
+intensity: {scales: [0.5, 1.0]}
+"""
 
 
 def stability(tdint, *more):
@@ -98,29 +104,102 @@ def test_symbols():
     assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
 
 
+def looks_of(monkeypatch):
+    """What is asked of each picture that is drawn from now on."""
+    asked = []
+
+    def noted(self, stream):
+        asked.append(PRINTED.get())
+        stream.write(b"a picture")
+
+    monkeypatch.setattr(Picture, "__call__", noted)
+    return asked
+
+
+def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
+    """The command line goes over them; a style sheet is relative to the file, from wherever the folder is read."""
+    asked = looks_of(monkeypatch)
+    (folder / "sub").mkdir()
+    (folder / "sub" / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
+    for name in ("shaken.yaml", "motion.mseed", "other.mseed"):
+        (folder / name).rename(folder / "sub" / name)
+    (folder / "sub" / "study.yaml").write_text(STUDY + "style: '90mm,own.mplstyle,title=no'\n")
+    assert tdint("campaign", "sub/study.yaml", "-o", "out", "--plot").exit_code == 0
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
+    sheet = str((folder / "sub" / "own.mplstyle").absolute())
+    assert asked == [PrintedAs(width=0.09, title=False, style=sheet)] * 2
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite", "--style", "120mm").exit_code == 0
+    assert asked[-1] == PrintedAs(width=0.12, title=False, style=sheet)
+    # The runs do not depend on them.
+    (folder / "sub" / "study.yaml").write_text(STUDY + "style: 60mm\n")
+    result = tdint("campaign", "sub/study.yaml", "-o", "out", "--plot")
+    assert result.exit_code == 0, result.stderr
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
+    assert {one.width for one in asked[-2:]} == {0.06}
+
+
+@pytest.mark.parametrize(
+    ("style", "message"),
+    [
+        ("widht=90mm", "study.yaml: style: 'widht=90mm': no such word; did you mean 'width'?"),
+        ("none.mplstyle", "study.yaml: style sheet "),
+        ("font=No Such Font", "study.yaml: font 'No Such Font': this machine has no such font"),
+    ],
+)
+def test_looks_that_cannot_be_are_told_before_the_runs(folder, tdint, style, message):
+    (folder / "study.yaml").write_text(f"{STUDY}style: {style}\n")
+    result = tdint("campaign", "study.yaml", "-o", "out", "--plot")
+    assert result.exit_code == 3
+    assert message in result.stderr and len(result.stderr.splitlines()) == 1
+    assert not (folder / "out" / "runs.csv").exists()
+
+
 # ---- Nothing lies beyond the page or over something else
 
+RECORDED = """\
+base: {file: motion.mseed, component: HNE}
+floors:
+  1: {file: recorded/floors.mseed, component: F01, units: m/s^2}
+  2: {file: recorded/floors.mseed, component: F02, units: m/s^2}
+"""
+STRIPES = "im,collapses,records\n0.2,0,40\n0.4,4,40\n0.6,17,40\n0.8,30,40\n1.0,38,40\n"
+SPECTRUM = "ec8:type=1,soil=B,ag=0.25g"
 DRAWN = {
     "run": "run shaken.yaml",
     "runs": "run shaken.yaml --scale 0.5,1",
+    "sequence": "run shaken.yaml motion.mseed other.mseed --sequence --component HNE",
+    "report": "run shaken.yaml --report page.html",
     "modes": "modes shaken.yaml",
-    "modes under a target": "modes shaken.yaml --target ec8:type=1,soil=B,ag=0.25g",
+    "modes under a target": f"modes shaken.yaml --target {SPECTRUM}",
     "law": "law shaken.yaml --drift 1%,2%",
     "pushover": "pushover shaken.yaml",
+    "pushover to a target": f"pushover shaken.yaml --target {SPECTRUM}",
+    "compare": "compare shaken.yaml --recorded recorded.yaml",
     "info": "info motion.mseed",
     "spectrum": "spectrum motion.mseed --damping 2%,5%",
     "tripartite spectrum": "spectrum motion.mseed --axes tripartite",
+    "adrs spectrum": "spectrum motion.mseed --axes adrs",
     "inelastic spectrum": "spectrum other.mseed --ductility 2,4 --periods 0.1:3:10",
     "rotated spectrum": "spectrum motion.mseed --rotd 0,50,100",
-    "target": "spectrum --target ec8:type=1,soil=B,ag=0.25g",
+    "spectrum against another": "spectrum motion.mseed --component HNE --scale 1.05 --against published.csv "
+    "--against-column psa_m_s2",
+    "target": f"spectrum --target {SPECTRUM}",
     "drift spectrum": "drift-spectrum other.mseed",
-    "scale": "scale motion.mseed --target ec8:type=1,soil=B,ag=0.25g",
+    "campaign": "campaign study.yaml -o out --limit 2%",
+    "report of a campaign": "campaign study.yaml -o out --report page.html",
+    "scale": f"scale motion.mseed --target {SPECTRUM}",
     "ida": "ida shaken.yaml motion.mseed --threshold 2%",
+    "sensitivity": "sensitivity shaken.yaml motion.mseed "
+    "--vary damping=2%:5%,mass_factor=0.9:1.1,story\\ 2.stiffness_factor=0.8:1.2",
+    "fragility": "fragility stripes.csv",
     "stability": "stability",
+    "stability beside 1/144": "stability --beta-scan",
     "overshoot": "overshoot",
     "order": "order --method impulse4,hht,newmark-average --load free",
     "failures": "failures --method impulse4,hht,newmark-average,wilson",
+    "examples": "examples 1 --method impulse4,newmark-average -o out",
     "chart": "chart shaken.yaml --method impulse4,newmark-average,hht",
+    "chart of several": "chart shaken.yaml forced.yaml --method impulse4,newmark-average,hht",
 }
 AT_ONCE = ("run", "pushover", "overshoot")
 
@@ -153,22 +232,35 @@ def faults(figure):
     return beyond + over
 
 
-@pytest.mark.usefixtures("laid_out")
+@pytest.fixture
+def studied(folder, tdint, request):
+    """The folder with what the commands take: a study, recordings on the floors, counted collapses, a spectrum."""
+    for name, text in {"study.yaml": STUDY, "recorded.yaml": RECORDED, "stripes.csv": STRIPES}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    made = {
+        "compare": "run shaken.yaml -o recorded --export-floors mseed",
+        "spectrum against another": "spectrum motion.mseed --component HNE --damping 5% -o published.csv",
+    }.get(request.node.callspec.params["line"])
+    assert made is None or tdint(*made.split()).exit_code == 0
+
+
+@pytest.mark.usefixtures("laid_out", "studied")
 @pytest.mark.parametrize("line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN])
-def test_words_keep_to_the_page_and_off_each_other(folder, tdint, monkeypatch, line):
-    found = {}
+def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
+    found = []
 
     def measured(self, stream):
         for width in (0.09, 0.18):
             before = PRINTED.set(PrintedAs(width=width))
-            found[width] = faults(self.figure())
+            found.append((width, faults(self.figure())))
             PRINTED.reset(before)
         stream.write(b"a picture")
 
     monkeypatch.setattr(Picture, "__call__", measured)
-    result = tdint(*DRAWN[line].split(), "--plot=a.png")
+    words = shlex.split(DRAWN[line])
+    result = tdint(*words, *["--plot=a.png"] * (not {"examples", "--report"} & set(words)))
     assert result.exit_code == 0, result.stderr
-    assert found == {0.09: [], 0.18: []}
+    assert found and [one for one in found if one[1]] == []
 
 
 def test_a_word_beyond_the_page_and_one_over_another_are_found():

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.errors import AnalysisError, OutputError, TdintError, UsageError
-from tdint.files import check_outputs, refuse_kept, write_files
+from tdint.errors import AnalysisError, ModelError, OutputError, TdintError, UsageError
+from tdint.files import check_outputs, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
@@ -115,6 +115,42 @@ class SuiteRequest:
         except OutputError as error:
             raise UsageError(str(error)) from None
         return named
+
+
+def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
+    """Let the looks that a campaign names hold for what the command line leaves open.
+
+    Parameters
+    ----------
+    style : tuple of (str, str)
+        As they are written, and the folder that a style sheet in them is relative to.
+    source : str
+        Of the campaign, for errors.
+    drawn : bool
+        Whether a picture is asked for; only then its font and its style sheet are looked at.
+
+    Raises
+    ------
+    ModelError
+        They are no looks, or this machine lacks what they name.
+    """
+    from tdint.output.printed import PRINTED, parse_style
+
+    text, folder = style
+    if not text:
+        return
+    try:
+        looks = parse_style(text, "style:")
+        if looks.style:
+            looks = replace(looks, style=str(Path(folder, looks.style)))
+        looks = PRINTED.get().over(looks)
+        if drawn:
+            figures.style.check_print(looks)
+    except UsageError as error:
+        raise ModelError(f"{source}: {error}") from None
+    if drawn and looks.style:
+        keep_input(looks.style)
+    PRINTED.set(looks)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import FileName, Number
+from tdint_cli.options.grammar import FileName, Number, Ratio
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
@@ -93,6 +94,15 @@ class Request(options.record.RecordRequest):
     repeat: int = options.option(
         type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
     )
+    tolerances: tuple[float, ...] | None = options.analysis.option(
+        "--tolerance",
+        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
+        many=True,
+        metavar="RATIO,...",
+        common=True,
+        help="Also chart moment4 and impulse4 with the steps that `tdint run --tolerance` chooses for these errors of "
+        "the peak drifts.",
+    )
     target: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
@@ -138,7 +148,8 @@ def command(request: Request) -> None:
     repeats, in which all methods take turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step
     (refused), diverged or not-converged, the last three with empty cells. Other programs (--peers) are named
     program/method; their times are those of their analysis loops alone, the solves of scipy are evaluations of the
-    rate.
+    rate. Lines by --tolerance have the time of all that `tdint run --tolerance` does, and the error of peak drifts
+    alone.
 
     displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the whole history: root
     of the sum of squares over all floors or stories and all common times, relative to the reference. Common times are
@@ -203,6 +214,8 @@ def _check(request: Request) -> BuildingRequest:
         raise UsageError("--dt already gives the steps; leave out --halvings")
     if request.stories and request.versus != "time":
         raise UsageError(f"--versus {request.versus} draws one building; leave out --stories")
+    if request.stories and request.tolerances:
+        raise UsageError("--tolerance charts one building; leave out --stories")
     if request.stories and request.peers:
         raise UsageError("--peers charts one building; leave out --stories")
     if request.stories and peers():
@@ -216,6 +229,7 @@ def _chart_many(request: Request) -> None:
     """Performance profiles over many problems."""
     # What has nothing to act on
     idle: dict[str, object] = {"--dt": request.steps, "--halvings": request.halvings, "--stories": request.stories}
+    idle |= {"--tolerance": request.tolerances}
     idle |= {"--versus": request.versus != "time", "--no-cache": not request.cache}
     if request.problems:
         idle |= {"MODEL.yaml": request.models, "--record": request.records, "--scale": request.scale}
@@ -315,6 +329,10 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     chart = measure(
         problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
     )
+    if request.tolerances:
+        from tdint.analysis.chart.work_precision import with_tolerances
+
+        chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:
@@ -343,7 +361,7 @@ def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
     from tdint.output.summary import Advice
 
-    of_ours = [point for point in points if tables.methods.PEER not in point.line]
+    of_ours = [point for point in points if tables.methods.PEER not in point.line and not math.isnan(point.dt)]
     return [
         Advice(limit, cheapest(of_ours, request.target, limit), ties(of_ours, request.target, limit))
         for limit in LIMITS

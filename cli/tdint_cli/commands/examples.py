@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tdint.files import Content
 
 _CONFIRMS = "gauss4"
-_WIDTH = 100
+_WIDTH = 100  # letters of a line
 
 _LABORATORY = {
     1: ("spectral_radius", 0.0, "spectral radius of one step, no damping"),

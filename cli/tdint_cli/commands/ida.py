@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
 _MEASURES = ("sa", "pga", "pgv", "sa-avg", "arias", "cav")
-_OFF_BALANCE = 0.01
+_OFF_BALANCE = 0.01  # of the energy that was put in
 
 
 class _Measure(click.Choice):  # type: ignore[type-arg]

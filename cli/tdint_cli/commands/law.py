@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tdint.analysis.static import Cycle, CyclicTest
     from tdint.units import DriftSize, OutputUnits
 
-_POINTS = 200
+_POINTS = 200  # of an excursion: loops are smooth in print
 
 
 @options.request

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot
     from tdint.methods.method import Integrator
 
-_MOST_STEPS = 100_000
+_MOST_STEPS = 100_000  # rows of a history that can still be opened
 
 
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")

@@ -258,7 +258,7 @@ def _named(signal: Signal, texts: Sequence[str]) -> list[str]:
 _LONGEST_SHIFT = 10.0
 """s; clocks that are further apart are no matter of a shift."""
 
-_ROUNDING = 1e-6
+_ROUNDING = 1e-6  # of a step: steps of files are written with six digits
 
 _BETTER = 0.05
 """By how much a correlation must rise to say that a displacement seems to be absolute."""
@@ -266,7 +266,7 @@ _BETTER = 0.05
 _SHORT = 0.25
 """omega dt of a step that is short for a mode: errors of the fourth order are below 1e-4 there."""
 
-_MOST_PARTS = 64
+_MOST_PARTS = 64  # halvings of the sampling interval for short periods: six
 
 _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),

@@ -319,9 +319,9 @@ def read_drift_path(source: str) -> list[float]:
 
 # ---- Pushover
 
-MOST_PUSHOVER_POINTS = 100_000
+MOST_PUSHOVER_POINTS = 100_000  # rows of a table that can still be opened
 _CLOSE = 1e-11  # of a force over the story's largest one so far: it carries its share
-_ITERATIONS = 60
+_ITERATIONS = 60  # Newton needs up to ten; halving 60 times leaves rounding alone
 _PARTS = 8  # steps of the leading story in a step of the roof
 _MOST_PARTS = 4000  # of them for a row: the roof hardly moves where the others come back as fast as one story goes on
 _CUT = 1e-8  # of an area, at each yield point: ten of them leave seven digits of it

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 # ---- Sweeps: each building of a campaign varied over grids and samples of its parameters, methods and steps, as the
 # key `vary` of a campaign file and the lists under `analysis` say
 
-_MOST = 1_000_000
-_SHOWN = 6
+_MOST = 1_000_000  # variations of a building: they are held in memory
+_SHOWN = 6  # digits in a label
 
 DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "lognormal": ("median", "beta"),

@@ -46,7 +46,7 @@ THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios whose capacities are told beside that of collapse, where neither the settings nor the model's damage
 states tell others."""
 
-PRECISION = 0.05
+PRECISION = 0.05  # of a capacity: a tenth of the scatter between motions (beta .3 to .5)
 
 _ELASTIC = 0.1
 """Part of the collapse drift that the first run stays below, where no story yields before."""

@@ -30,7 +30,7 @@ PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 1
 AVERAGE = Grid(0.2, 3.0, 50)
 """Multiples of the period over which Sa is averaged, where nothing else is asked for (Eads et al. 2015)."""
 
-_DIRECTIONS = 180
+_DIRECTIONS = 180  # every degree, as RotD is defined by (Boore 2010)
 
 
 @dataclass(frozen=True)

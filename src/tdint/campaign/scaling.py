@@ -345,7 +345,7 @@ def scale(
     return scale_to_value(suite, chosen, value, pair)
 
 
-_PLACES = 100
+_PLACES = 100  # periods of a comparison: 30 or more a decade
 _RULES: dict[str, Callable[..., Scaling]] = {"mean": scale_to_target, "asce7": scale_asce7, "ec8": scale_ec8}
 
 

@@ -33,7 +33,7 @@ from tdint.written_numbers import how_many
 # Kinemetrics: a tag of 16 bytes with length and checksum before each frame (Kinemetrics, Altus data format).
 
 _TAG = "cBBBLHHHH"
-_TAG_SIZE = 16
+_TAG_SIZE = 16  # bytes of the head of a Kinemetrics tag
 
 
 def look_at_evt(data: bytes) -> int:

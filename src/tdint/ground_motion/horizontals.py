@@ -191,7 +191,7 @@ Failure = TypeVar("Failure", bound=TdintError)
 
 _MARK = "{}"
 _LONGEST = 5  # letters by which the names of two components differ
-_SHOWN = 4
+_SHOWN = 4  # files that a message names
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ _HALVINGS = 60
 _PADDING = 0.05
 """Part of the record from which on zeros at an end are doubted."""
 
-_FEW_ZEROS = 10
+_FEW_ZEROS = 10  # samples at rest that any file may have
 
 _JUMP = 0.1
 """Part of the peak acceleration from which on the first sample is doubted."""

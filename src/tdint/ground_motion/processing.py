@@ -15,8 +15,8 @@ from tdint.errors import UsageError
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
 BASELINES = ("constant", "linear")
-CORNERS = 4
-MOST_CORNERS = 10
+CORNERS = 4  # of the filter where none are given: 24 dB an octave
+MOST_CORNERS = 10  # steeper than any practice asks for
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ _TRANSITION = 0.2
 """Width of the band between what stays and what goes, over the lower one of the two Nyquist frequencies."""
 
 _BETA = 0.1102 * (_ATTENUATION - 8.7)
-_AT_ONCE = 2**20
+_AT_ONCE = 2**20  # numbers, 8 MB
 
 
 def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
@@ -167,8 +167,8 @@ _NARROWEST = 1e-5
 """Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling rate: closer,
 rounding and the time to settle get out of hand."""
 
-_SETTLED = 1e-13
-_ROUNDING = 1e-6
+_SETTLED = 1e-13  # what is left of the filter's own motion
+_ROUNDING = 1e-6  # of a sample: times are written with six digits or more
 
 
 def process(

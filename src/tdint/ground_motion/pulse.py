@@ -15,7 +15,7 @@ from tdint.written_numbers import parse_named, parse_positive
 
 _DT, _SAMPLES_PER_CYCLE = 0.01, 40
 _REST, _SHORTEST = 5.0, 20.0  # s: rest after a motion, and the least of both together
-_MOST_TURNS = 100_000
+_MOST_TURNS = 100_000  # cycles, 10^7 samples: a mistaken unit, not a motion
 
 
 @dataclass(frozen=True)

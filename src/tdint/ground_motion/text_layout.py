@@ -12,7 +12,7 @@ from tdint.errors import RecordError, UsageError
 SAME_STEP = 1e-3
 """Relative difference up to which two statements of the sampling interval agree."""
 
-MOST_LINES = 1_000_000
+MOST_LINES = 1_000_000  # of a header: beyond any file, a mistaken number
 
 
 @dataclass(frozen=True)

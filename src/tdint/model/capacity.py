@@ -21,8 +21,8 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
 from tdint.model.modes import solve_modes
 
-GRAVITY = 9.81
-DAMPING_RATIO = 0.05
+GRAVITY = 9.81  # m/s^2: the published curves are made with it, not with 9.80665
+DAMPING_RATIO = 0.05  # of the published curves
 STORY_HEIGHT = 2.8  # m
 UNIT_MASS = 1000.0  # kg
 

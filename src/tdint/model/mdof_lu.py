@@ -187,7 +187,7 @@ def hazus_types() -> Mapping[tuple[str, str], HazusType]:
 
 STRUCTURES = ("W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH")
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
-MOST_STORIES = 50
+MOST_STORIES = 50  # the rules are for regular buildings, not for towers
 YEARS = (1000, 2200)
 
 _NO_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tdint.analysis.fit import Fit
     from tdint.campaign.store import Store
 
-_SCHEMA = 1
+_SCHEMA = 1  # raised when a key goes or changes its meaning
 
 _UNITS = {"pga_m_s2": "m/s^2", "pgv_m_s": "m/s"}
 

@@ -14,9 +14,11 @@ from tdint import run, system
 from tdint.analysis.chart import problem as references
 from tdint.analysis.chart.problem import Errors, FloorMotion, errors, find_reference, pose, stretched
 from tdint.analysis.chart.work_precision import (
+    CHOOSING,
     DEFAULT_METHODS,
     Point,
     Timing,
+    chart,
     cheapest,
     default_steps,
     halved_steps,
@@ -464,3 +466,39 @@ def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch)
     assert timing.disturbed == disturbed
     assert timing.repeats == (1, 2)
     assert timing.told.startswith("least of 1 to 2 times")
+
+
+# ---- Lines whose steps are chosen for a tolerance
+
+
+def test_lines_by_tolerance_are_runs_with_that_tolerance():
+    """Against the runs themselves and a reference of their own: error of the peak drifts, times, nothing else known."""
+    building, record = ten_bilinear(), noise()
+    charted = chart(
+        building, record, methods="impulse4", dts=[record.dt], repeats=2, tolerances=["0.1%", 0.02], cached=False
+    )
+    lines = [point for point in charted.points if math.isnan(point.dt)]
+    assert [(point.line, point.method.rpartition(" ")[2]) for point in lines] == [
+        (f"{method} by tolerance", tolerance) for method in CHOOSING for tolerance in ("0.02", "0.001")
+    ]
+    fine = run(building, record, dt=record.dt / 64).stories.peak_drift
+    for point in lines:
+        own = run(
+            building, record, method=point.line.partition(" ")[0], tolerance=float(point.method.rpartition(" ")[2])
+        )
+        error = np.max(np.abs(own.stories.peak_drift / fine - 1.0))
+        assert point.error("peak-drift") == pytest.approx(error, rel=1e-3, abs=1e-6)
+        assert error <= float(point.method.rpartition(" ")[2])
+        assert math.isnan(point.error("drift")) and point.steps is None
+        assert len(point.times) == 2 and min(point.times) > 0.0
+    plain = next(point for point in charted.points if point.line == "impulse4")
+    assert min(point.fastest for point in lines) > plain.fastest  # a run with its error is more than a march
+
+
+def test_a_tolerance_that_no_step_meets_leaves_an_outcome():
+    charted = chart(
+        ten_linear(), noise(), methods="exact", repeats=1, tolerances=[1e-300], cached=False,
+        dts=[noise().dt],
+    )  # fmt: skip
+    outcomes = {point.line: (point.outcome, point.errors) for point in charted.points if math.isnan(point.dt)}
+    assert outcomes == {f"{method} by tolerance": ("not-within-tolerance", None) for method in CHOOSING}

@@ -48,7 +48,7 @@ OBSERVED_HALVINGS = 4
 """How often it is halved."""
 
 _OMEGA = 2.0 * math.pi
-_XI = 0.02
+_XI = 0.02  # damping ratio: light, so that orders are seen and not damped away
 _START = (0.7, 2.0)  # u (m) and v (m/s)
 _AMPLITUDE = 20.0  # of the harmonic force, N
 _SAMPLES = 200  # coarsest steps

@@ -26,9 +26,9 @@ SECONDS = 60.0
 
 _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
 TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
-ITERATIONS = 50
+ITERATIONS = 50  # of Newton in a step: more than one that converges takes
 _GROUND, _PATTERN = 0, 1
-_FOREVER = 1e9
+_FOREVER = 1e9  # s, beyond the end of any run
 
 Content = dict[str, Any]
 

@@ -29,9 +29,9 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import CODES
 from tdint.model.plugins import peers
 
-_REPEATS = 3
+_REPEATS = 3  # at most: a peer takes up to 500 times as long as tdint
 _MINUTES = 5.0  # after which the process is ended
-_SAME = 1e-9
+_SAME = 1e-9  # beyond what a division of rounded numbers leaves
 
 
 _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {

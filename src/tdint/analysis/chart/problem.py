@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import model_record
+from tdint.analysis.run.run import model_record, run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, OutputError, UsageError
@@ -146,6 +146,12 @@ class Problem:
             return Case(self.model, self.prepared, self.record, integrator).march(steps).status
         except FailedRun as failure:
             return failure.status
+
+    def within(self, integrator: Integrator, tolerance: float) -> Response:
+        """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""
+        case = Case(self.model, self.prepared, self.record, integrator)
+        dt = None if self.record else self.interval
+        return run_case(case, dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
 
     def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
         """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
@@ -292,10 +298,19 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     """Errors of a motion against the reference, which has all samples, at the times of the motion."""
     true = reference.every(motion.stride, len(motion.displacement))
-    counted = true.peak_drift > _SMALL * np.max(true.peak_drift)
-    peaks = motion.peak_drift[counted] / true.peak_drift[counted] - 1.0
     of_history = {name: _relative(getattr(motion, name), getattr(true, name)) for name in QUANTITIES[:-1]}
-    return Errors(**of_history, peak_drift=float(np.max(np.abs(peaks))))
+    return Errors(**of_history, peak_drift=_of_peaks(motion.peak_drift, true.peak_drift))
+
+
+def errors_of_peaks(peak_drift: Array, reference: FloorMotion) -> Errors:
+    """The error of peak drifts (m, shape (n,)) of a run that keeps no history; nan for the others."""
+    unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
+    return Errors(**unknown, peak_drift=_of_peaks(peak_drift, reference.peak_drift))
+
+
+def _of_peaks(peaks: Array, true: Array) -> float:
+    counted = true > _SMALL * np.max(true)
+    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0)))
 
 
 def _relative(values: Array, true: Array) -> float:

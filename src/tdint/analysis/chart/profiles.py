@@ -73,7 +73,7 @@ _FINER = (32, 128)  # and the second method: the latter where the former does no
 _SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
 _FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
-_REPEATS = 3
+_REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class Leaders(NamedTuple):
     safest: str
 
 
-COARSE = 0.03
+COARSE = 0.03  # relative error: between 10 and 1 %, where coarse steps are chosen
 PEER = "/"  # in the name of a line that is another program's: program/method
 
 

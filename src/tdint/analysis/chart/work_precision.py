@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
@@ -17,11 +18,13 @@ from tdint.analysis.chart.problem import (
     Reference,
     ending_together,
     errors,
+    errors_of_peaks,
     find_reference,
     pose,
     reached,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, ratio_of, record_of
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
 from tdint.errors import UsageError
@@ -56,13 +59,16 @@ COARSEST = 8
 HALVINGS = 7
 """How often it is halved by default."""
 
+CHOOSING = ("moment4", "impulse4")
+"""Methods whose lines `with_tolerances` adds: the first chooses its steps on the way, the other by whole runs."""
+
 _BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
 _WITH_BETWEEN = 1.7  # times the steps without these
 
 _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
-_SAME_COST = 1.1
+_SAME_COST = 1.1  # times on a shared machine scatter by 10 %
 _MORE_REPEATS = 4  # times the repeats that are asked for, at most
 _COMPILED, _PREPARED = 0.1, 0.25  # of all work, when the methods are compiled and when there is a reference
 
@@ -331,6 +337,49 @@ def measure(
     )
 
 
+def with_tolerances(
+    problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int = 5, progress: Progress = silent
+) -> Chart:
+    """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and how far off it is.
+
+    Timed is the whole of it: runs made again, the errors that it tells, and what Python does between them. A march
+    keeps no history, so the error of the peak drifts alone is known.
+
+    Parameters
+    ----------
+    tolerances : sequence of float
+        Of the peak drifts, as a part.
+    repeats : int
+        How often each run is timed.
+    """
+    wanted = sorted(set(tolerances), reverse=True)
+    points: list[Point] = []
+    for method in CHOOSING:
+        integrator = parse(method)
+        for tolerance in wanted:
+            progress(f"{method} within {tolerance:g}", len(points) / (len(CHOOSING) * len(wanted)))
+            points.append(_within(problem, chart.reference, integrator, tolerance, repeats))
+    return replace(chart, points=(*chart.points, *points))
+
+
+def _within(problem: Problem, reference: Reference, integrator: Integrator, tolerance: float, repeats: int) -> Point:
+    """One method with one tolerance; the first run compiles and is not timed."""
+    line = f"{line_of(integrator)} by tolerance"
+    point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
+    try:
+        response = problem.within(integrator, tolerance)
+    except FailedRun as failure:
+        return replace(point, outcome=failure.status)
+    times, walls = [], []
+    for _ in range(repeats):
+        begin, wall = system.seconds(), time.perf_counter()
+        problem.within(integrator, tolerance)
+        times.append(system.seconds() - begin)
+        walls.append(time.perf_counter() - wall)
+    off = errors_of_peaks(response.stories.peak_drift, reference.motion)
+    return replace(point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls))
+
+
 def chart(
     model: AnyModel,
     record: AnyRecord | None = None,
@@ -339,6 +388,7 @@ def chart(
     dts: Sequence[float] = (),
     duration: float | None = None,
     repeats: int = 5,
+    tolerances: Sequence[float | str] = (),
     cached: bool = True,
     progress: bool | Counted = False,
 ) -> Chart:
@@ -354,6 +404,8 @@ def chart(
         Steps, s; by default from eight sampling intervals down (`default_steps`).
     duration : float, optional
         In place of the model's, else the record's, s.
+    tolerances : sequence of float or str
+        Of the peak drifts: lines of moment4 and impulse4 that choose their steps for them, as `run` does.
     repeats, cached
         As of `measure`.
     progress : bool or callable
@@ -376,11 +428,14 @@ def chart(
     problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=tuple(dts))
     integrators = suited(problem, chosen(methods))
     steps = tuple(dts) or default_steps(problem, len(integrators), repeats)
+    limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
+    problem = ending_together(problem, steps)
     with told_progress(progress, 100, "%") as told:
-        return measure(
-            ending_together(problem, steps), integrators, steps, repeats=repeats, cached=cached,
+        measured = measure(
+            problem, integrators, steps, repeats=repeats, cached=cached,
             progress=lambda what, part: told(round(100.0 * part), 100),
         )  # fmt: skip
+        return with_tolerances(problem, measured, limits, repeats=repeats)
 
 
 _Pair = tuple[Integrator, Steps]

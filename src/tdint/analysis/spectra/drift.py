@@ -26,8 +26,8 @@ from tdint.tabular import Tabular
 from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
-MOST_STORIES = 1000
-MOST_BEAM_MODES = 20_000
+MOST_STORIES = 1000  # beyond any building: a mistaken story height or period
+MOST_BEAM_MODES = 20_000  # 160 kB a period; more are asked for by a mistake alone
 
 _RESOLVED = 20.0  # modes up to so many times the fundamental frequency are followed within their own radian
 _BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval

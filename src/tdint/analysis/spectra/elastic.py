@@ -41,7 +41,7 @@ InterpolationName = Annotated[str, Quantity("text", "the ground motion between i
 
 _LANES = 56  # oscillators marched together at most: their numbers stay in the processor's first cache
 _REGISTER = 8  # numbers that the processor handles at once
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # keeps a quotient that is a whole number from the next one
 
 
 def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:

@@ -51,7 +51,7 @@ _GROUND = {
 }
 """S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and 3.3)."""
 
-_LEAST_ETA = 0.55
+_LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0  # s; beyond it stands Annex A
 _LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
 

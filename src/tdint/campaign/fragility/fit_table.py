@@ -456,7 +456,7 @@ Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
 _GROUPS = 30  # of motions, at the most
 _LEAST_TYPE_STRIPE = 3  # motions a level has at the least
-_SAME_PERIOD = 1e-6
+_SAME_PERIOD = 1e-6  # tables write six digits or more
 _THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
 
 

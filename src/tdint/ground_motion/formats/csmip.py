@@ -34,14 +34,14 @@ from tdint.ground_motion.formats.series import (
 from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
 from tdint.ground_motion.sampling_interval import equal_steps, finest_step
 
-REAL_WIDTH = 10
-REALS = 50
+REAL_WIDTH = 10  # letters of a number of the header
+REALS = 50  # in the header of volume 1
 
 _INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
 _LAST_INTEGERS = re.compile(r"[-\d\s]+")
 _POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
 _UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
-_PAIR_WIDTH = 7
+_PAIR_WIDTH = 7  # letters of a time or of its value
 
 _SLACK = 2e-3
 """Part of the duration by which times on film may be off equal steps: the drive of the film was not even."""
@@ -115,7 +115,7 @@ _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
 _OTHER_PEAK = {
     kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE) for kind, name in _QUANTITIES.items()
 }
-_REALS_VOLUME_2 = 100
+_REALS_VOLUME_2 = 100  # in its header
 _END = "/&"
 
 

@@ -31,8 +31,8 @@ _YEAR, _MONTH, _DAY, _HOUR, _MINUTE, _MILLISECONDS = 8, 9, 18, 19, 38, 39
 _COUNTS = (33, 34, 35)
 """Places of the numbers of accelerations, velocities and displacements."""
 
-_STEP = 25
-_MILLI = 1e-3
+_STEP = 25  # place of the sampling interval among the reals of the header
+_MILLI = 1e-3  # velocity is in mm/s, displacement in mm
 
 
 def is_geonet(file: Any, **_: Any) -> bool:

@@ -34,10 +34,10 @@ LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
 
 _ZIP = b"PK\x03\x04"
-_MOST_MEMBERS = 2000
-_DEEPEST = 2
-_LONGEST_NAME = 120
-_PIECE = 2**20
+_MOST_MEMBERS = 2000  # of an archive: downloads of a suite have tens to hundreds
+_DEEPEST = 2  # archives in archives: databases pack one level
+_LONGEST_NAME = 120  # letters that a message shows
+_PIECE = 2**20  # bytes read at a time
 
 _GROUP = "obspy.plugin.waveform"
 

@@ -25,7 +25,7 @@ _PASSING, _LEFT = math.sqrt(0.5), 0.1
 have stopped cannot be had back: dividing by their response would turn rounded counts into meters per second squared
 (1 m/s^2 of it in a record of 3 m/s^2, Ridgecrest 2019, CI.CLC)."""
 
-_SPECTRUM = 8192
+_SPECTRUM = 8192  # frequencies of the fading, which is smooth
 _ACCELEROMETER_INPUT = ("M/S**2", "M/S^2", "M/S/S", "M/S2", "M/SEC**2", "M/SEC^2", "M/SEC2")
 
 

@@ -23,7 +23,7 @@ from tdint.units import Units, parse_units
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in the name of a column, and their values in s."""
 
-_FEWEST = 2
+_FEWEST = 2  # rows: a motion has a sampling interval
 
 
 @dataclass(frozen=True)

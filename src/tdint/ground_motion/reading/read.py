@@ -38,7 +38,7 @@ _IMPLAUSIBLE = 100.0
 _IMPOSSIBLE = 1e6
 """m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave what floats hold."""
 
-_OFFSET = 0.02
+_OFFSET = 0.02  # of the peak: a mean beyond it is an offset, not the noise of a short record
 
 
 @dataclass(frozen=True)

@@ -230,7 +230,7 @@ _ACCELEROMETER = "N"
 _LARGEST = 3.0 * STANDARD_GRAVITY
 """m/s^2; the largest acceleration of the ground ever recorded is a little less."""
 
-_NEAR = 0.05
+_NEAR = 0.05  # of g: gravity and the offset of a sensor
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
 _CURE = "say what the samples are with `units=g`, cm/s^2 or m/s^2"
 

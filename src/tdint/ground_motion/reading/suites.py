@@ -27,7 +27,7 @@ from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
-_MOST_NAMES = 10
+_MOST_NAMES = 10  # that a message names
 
 
 @dataclass(frozen=True)

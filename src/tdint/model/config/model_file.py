@@ -250,7 +250,7 @@ _MODEL = Keys(
     ),
     one_of=(("stories", "building"),),
 )
-_DEFAULT_COLLAPSE_DRIFT = 0.10
+_DEFAULT_COLLAPSE_DRIFT = 0.10  # drift ratio at which codes and IDA studies take a frame for collapsed
 
 
 def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:

@@ -262,7 +262,7 @@ _STORY = Keys(
     one_of=(("mass", "weight"),),
 )
 STORIES = EntriesOf(_STORY, least=1)
-_AGREEMENT = 1e-9
+_AGREEMENT = 1e-9  # a stiffness that is stated twice may differ by rounding alone
 
 
 def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:

@@ -607,12 +607,14 @@ def _footnote(drawing: _Drawing) -> str:
     chart, reference = drawing.chart, drawing.chart.reference
     gap = reference.gap.of(drawing.target)
     whose = "record" if chart.recorded else "model"
+    chosen = "; by tolerance: of the whole run" * any(math.isnan(p.dt) and PEER not in p.line for p in drawing.points)
     programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
     return "\n".join(
         wrap(
             f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
             f"{reference.dt:.3g} s, from which {reference.confirmed_by} differs by {gap:.1e}; times: "
-            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}; {', '.join(programs)}",
+            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}{chosen}; "
+            f"{', '.join(programs)}",
             _FOOT,
         )
     )

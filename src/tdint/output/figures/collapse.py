@@ -214,7 +214,7 @@ def _title(scaling: Scaling, units: OutputUnits) -> str:
 # ---- Collapse
 
 _PARTS = (0.16, 0.5, 0.84)
-_DRIFTS = 240
+_DRIFTS = 240  # points of a curve: smooth at 180 mm
 _FEW = 3  # records: fewer have no fractiles
 _ROOM = 1.1  # the axis of intensity ends so far above the largest capacity
 _BEYOND = 1.04  # of drift: where flat lines end
@@ -338,7 +338,7 @@ def _ida_title(study: IdaStudy) -> str:
     return f"{text}, {100.0 * study.measure.damping:g} % damping of Sa"
 
 
-_POINTS = 300
+_POINTS = 300  # likewise
 _ACROSS = 4  # panels of types in a row
 _FAR = 2.6  # standard deviations above the largest median at which the axis ends
 _NAMES = {

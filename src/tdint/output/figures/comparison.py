@@ -79,10 +79,11 @@ def comparison_picture(
     left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
     if left_out:
         rows = sorted(rows, key=lambda row: row[1].correlation)[:_WORST]
-    figure = Figure(figsize=(7.5, 1.5 + 1.55 * len(rows) + 2.6 * bool(left_out)), layout="constrained")
+    high = 2.7 if is_narrow() else 1.55  # inches of a row; in one column of a page words take more of them
+    figure = Figure(figsize=(7.5, 1.5 + high * len(rows) + 2.6 * bool(left_out)), layout="constrained")
     top: Any = figure
     if left_out:
-        parts: Any = figure.subfigures(2, 1, height_ratios=(1.55 * len(rows), 2.6))
+        parts: Any = figure.subfigures(2, 1, height_ratios=(high * len(rows), 2.6))
         top, below = parts
         _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
     panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
@@ -184,7 +185,7 @@ def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
 
 # ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
 
-_MOST = 4
+_MOST = 4  # modes that are marked: higher ones crowd
 _MARKED = 20  # floors that have markers
 
 
@@ -484,7 +485,7 @@ _LARGEST_RATIO = 30.0  # ratio of costs at which a panel ends
 _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
 """Widths of the lines that readers look for: ours, and what most programs do."""
 
-_PROFILE_FOOT = 110  # characters in a line of the foot
+_PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in one column of a page
 _IN_THREE = 31  # labels that fit into three columns
 
 
@@ -500,8 +501,9 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
     tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
-    figure = Figure(figsize=(7.5, 5.4), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True, sharey=True)
+    narrow = is_narrow()
+    figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
+    panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = {line: _profile_look(number, line) for number, line in enumerate(chart.lines)}
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
@@ -528,8 +530,8 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     order = [line for line in chart.lines if line in handles]
     add_legend(figure, panels[0, 0], [handles[line] for line in order], order, _IN_THREE)
     for legend in figure.legends:  # none for one method
-        foot = wrap(_profile_foot(chart), _PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + 0.14 * len(foot))
+        foot = wrap(_profile_foot(chart), _NARROW_FOOT if narrow else _PROFILE_FOOT)
+        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
     add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")

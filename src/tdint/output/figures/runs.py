@@ -581,8 +581,10 @@ _NAMES = {
 def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Figure:
     """Picture of swings (`tdint.campaign.sensitivity.swings`)."""
     parameters = len({swing.parameter for swing in swings})
-    figure = Figure(figsize=(7.2, 2.2 + 0.56 * parameters), layout="constrained")
-    for axes, name in zip(figure.subplots(2, 2).flat, _NAMES, strict=True):
+    narrow = is_narrow()  # then names stand on rows of their own height, four panels below each other
+    high = 4 * (1.4 + 0.65 * parameters) if narrow else 2.2 + 0.56 * parameters
+    figure = Figure(figsize=(7.2, high), layout="constrained")
+    for axes, name in zip(figure.subplots(*(4, 1) if narrow else (2, 2)).flat, _NAMES, strict=True):
         _tornado(axes, [swing for swing in swings if swing.quantity.name == name], units)
     add_title(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
     return figure

@@ -396,7 +396,7 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
 )
 """Behind all others, of a run that has carried its error along."""
 
-_ROWS_AT_ONCE = 256
+_ROWS_AT_ONCE = 256  # of a history, formatted together: 1 MB for a hundred columns
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None, corrected: StoryPeaks | None = None) -> Table:

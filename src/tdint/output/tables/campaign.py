@@ -164,7 +164,7 @@ _PLACED = {
 }
 """Columns before those of an inventory, of fields with places."""
 
-_ROWS_AT_ONCE = 2048
+_ROWS_AT_ONCE = 2048  # of runs, formatted together: some MB
 
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
 """As JSON writes numbers: 02138 is a word."""

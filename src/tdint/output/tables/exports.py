@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store import Store
 
-_ROWS_AT_ONCE = 131_072
+_ROWS_AT_ONCE = 131_072  # a row group of Parquet
 
 _COUNTED = {SAMPLE.name, "story", *(one.column for one in (*RUN, *STORY_QUANTITIES) if one.kind is int)}
 

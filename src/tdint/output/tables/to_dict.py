@@ -50,8 +50,8 @@ from tdint.tabular import Several, optional
 from tdint.units import SI, parse_output_units, quantities
 from tdint.validation import ValidationResult
 
-_ROWS = 20
-_DIGITS = 5
+_ROWS = 20  # of a notebook's table
+_DIGITS = 5  # of its numbers
 
 
 def to_dict(result: Any, units: str = "") -> dict[str, Any]:
