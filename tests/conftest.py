@@ -71,11 +71,23 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+_FEW_FILES = 3
+_OF_WORDS = {"cli", "documentation", "faults", "fuzz"}  # folders whose tests look at all that a command says
+
+
+def _few(config: pytest.Config) -> bool:
+    """Whether so few files are named that what they need is compiled sooner when they need it than all loops."""
+    files = {Path(str(one).partition("::")[0]).resolve() for one in config.args}
+    in_one_process = not config.getoption("numprocesses", None)
+    quiet = all(file.is_file() and _OF_WORDS.isdisjoint(file.parts[-3:-1]) for file in files)
+    return in_one_process and quiet and len(files) <= _FEW_FILES
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels before the first test: side by side, and none of them in two processes or within a test."""
     config = session.config
     written_ones = os.environ["TDINT_KERNELS"] == "python"
-    if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
+    if written_ones or config.option.collectonly or hasattr(config, "workerinput") or _few(config):
         return
     from tdint.analysis.run.prepared import of_everything
     from tdint.kernels.building.obtaining import compile_ahead, shown

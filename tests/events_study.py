@@ -1,11 +1,13 @@
 """How the error of impulse4 falls with the step in one random building after another."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from random_buildings import piecewise_building
 from tdint import run
+from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 
 PARTS = (2, 3, 4, 6, 8, 12, 16, 24)
@@ -21,18 +23,28 @@ class Found:
 
     Attributes
     ----------
+    motion : Record
+        What shook it.
+    exact : ndarray, shape (samples, stories)
+        Its displacements.
     errors : list of float
         Largest error of a displacement over the largest displacement, at the steps of `PARTS`.
     worst : float
         Largest ratio of an error to the one before.
-    growth : float
-        By how much a small change of the motion is enlarged.
     """
 
     building: Model
+    motion: Record
+    exact: np.ndarray
     errors: list[float]
     worst: float
-    growth: float
+
+    @cached_property
+    def growth(self):
+        """By how much a small change of the motion is enlarged."""
+        changed = replace(self.motion, acceleration=self.motion.acceleration * (1.0 + _CHANGE))
+        other = displacement(self.building, changed, _FINE[0])
+        return np.max(np.abs(other - self.exact)) / np.max(np.abs(self.exact)) / _CHANGE
 
     @property
     def chaotic(self):
@@ -40,18 +52,17 @@ class Found:
         return self.growth > 1e4
 
 
+def displacement(building, record, parts):
+    """The motion at the samples, by impulse4 with so many steps between two of them."""
+    response = run(building, record, method="impulse4", dt=record.dt / parts, history=True)
+    return response.history.displacement[::parts]
+
+
 def study(seed):
     """March one random building with all steps."""
     building, motion = piecewise_building(np.random.default_rng(seed))
-
-    def displacement(parts, record=motion):
-        response = run(building, record, method="impulse4", dt=record.dt / parts, history=True)
-        return response.history.displacement[::parts]
-
-    exact, other = (displacement(parts) for parts in _FINE)
+    exact, other = (displacement(building, motion, parts) for parts in _FINE)
     size = np.max(np.abs(exact))
-    errors = [np.max(np.abs(displacement(parts) - exact)) / size for parts in PARTS]
-    changed = displacement(_FINE[0], replace(motion, acceleration=motion.acceleration * (1.0 + _CHANGE)))
+    errors = [np.max(np.abs(displacement(building, motion, parts) - exact)) / size for parts in PARTS]
     levels = np.maximum([*errors, np.max(np.abs(other - exact)) / size], _ROUNDING)
-    growth = np.max(np.abs(changed - exact)) / size / _CHANGE
-    return Found(building, errors, float(np.max(levels[1:] / levels[:-1])), float(growth))
+    return Found(building, motion, exact, errors, float(np.max(levels[1:] / levels[:-1])))

@@ -14,6 +14,11 @@ from tdint.output.figures.style import Picture
 from tdint.output.printed import PRINTED, PrintedAs, in_print
 
 POINTS = 72.0 / 25.4
+STUDY = """\
+buildings: {models: [shaken.yaml]}
+records: {files: [motion.mseed, other.mseed]}
+intensity: {scales: [0.5, 1.0]}
+"""
 
 
 def stability(tdint, *more):
@@ -99,13 +104,58 @@ def test_symbols():
     assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
 
 
+def looks_of(monkeypatch):
+    """What is asked of each picture that is drawn from now on."""
+    asked = []
+
+    def noted(self, stream):
+        asked.append(PRINTED.get())
+        stream.write(b"a picture")
+
+    monkeypatch.setattr(Picture, "__call__", noted)
+    return asked
+
+
+def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
+    """The command line goes over them; a style sheet is relative to the file, from wherever the folder is read."""
+    asked = looks_of(monkeypatch)
+    (folder / "sub").mkdir()
+    (folder / "sub" / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
+    for name in ("shaken.yaml", "motion.mseed", "other.mseed"):
+        (folder / name).rename(folder / "sub" / name)
+    (folder / "sub" / "study.yaml").write_text(STUDY + "style: '90mm,own.mplstyle,title=no'\n")
+    assert tdint("campaign", "sub/study.yaml", "-o", "out", "--plot").exit_code == 0
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
+    sheet = str((folder / "sub" / "own.mplstyle").absolute())
+    assert asked == [PrintedAs(width=0.09, title=False, style=sheet)] * 2
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite", "--style", "120mm").exit_code == 0
+    assert asked[-1] == PrintedAs(width=0.12, title=False, style=sheet)
+    # The runs do not depend on them.
+    (folder / "sub" / "study.yaml").write_text(STUDY + "style: 60mm\n")
+    result = tdint("campaign", "sub/study.yaml", "-o", "out", "--plot")
+    assert result.exit_code == 0, result.stderr
+    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
+    assert {one.width for one in asked[-2:]} == {0.06}
+
+
+@pytest.mark.parametrize(
+    ("style", "message"),
+    [
+        ("widht=90mm", "study.yaml: style: 'widht=90mm': no such word; did you mean 'width'?"),
+        ("none.mplstyle", "study.yaml: style sheet "),
+        ("font=No Such Font", "study.yaml: font 'No Such Font': this machine has no such font"),
+    ],
+)
+def test_looks_that_cannot_be_are_told_before_the_runs(folder, tdint, style, message):
+    (folder / "study.yaml").write_text(f"{STUDY}style: {style}\n")
+    result = tdint("campaign", "study.yaml", "-o", "out", "--plot")
+    assert result.exit_code == 3
+    assert message in result.stderr and len(result.stderr.splitlines()) == 1
+    assert not (folder / "out" / "runs.csv").exists()
+
+
 # ---- Nothing lies beyond the page or over something else
 
-STUDY = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed]}
-intensity: {scales: [0.5, 1.0]}
-"""
 RECORDED = """\
 base: {file: motion.mseed, component: HNE}
 floors:

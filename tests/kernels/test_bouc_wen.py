@@ -7,7 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
-from tdint.kernels import layout as at
+from path_kernel import forces_behind
+from tdint.kernels.building import compilable
+from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
@@ -89,31 +91,39 @@ def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
         assert lost_once == pytest.approx(lost, abs=1e-5 * FY * DY)
 
 
-def gone_straight(law_parameters, drifts):
-    """The force at the last of some drifts, as most methods go there."""
-    return follow(law_parameters, drifts)[0][-1]
+def gone_straight(law_parameters, turn, drifts):
+    """The forces at some drifts behind a turning point, as most methods go there."""
+    return [follow(law_parameters, [turn, drift])[0][-1] for drift in drifts]
 
 
-def gone_along(law_parameters, drifts):
-    """The same, as moment4 goes there."""
-    state = spring_table(law_parameters)
-    start(law_parameters, state, 0, 0.0)
-    for rise in np.diff(drifts, prepend=0.0):
-        path.follow(law_parameters, state, 0, rise, 0.0, False, np.zeros((path.PATH_ROWS, 2)), 0)
-        path.arrive(law_parameters, state, 0, rise)
-    return state[at.FORCE, 0]
+def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
+    """The same, as moment4 goes there; by the kernel as it is written."""
+    begun = spring_table(law_parameters)
+    start(law_parameters, begun, 0, 0.0)
+    work, forces = np.zeros((path.PATH_ROWS, 2)), np.zeros(len(drifts))
+    turned = np.zeros_like(begun)
+    go(law_parameters, begun, turned, np.array([turn]), work, forces[:1])
+    go(law_parameters, turned, np.zeros_like(begun), np.asarray(drifts) - turn, work, forces)
+    return forces
+
+
+def gone_along_compiled(law_parameters, turn, drifts):
+    """The same, compiled for this law alone."""
+    alone = Variant(("bouc-wen",), modal=False, forces=False, dashpots=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compilable, "WHOLE", False)
+        return gone_along(law_parameters, turn, drifts, forces_behind.variant(alone))
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
 @pytest.mark.parametrize(
     ("gone", "size"),
-    [(gone_straight, 4001), (gone_along, 401), pytest.param(gone_along, 10_001, marks=pytest.mark.slow)],
+    [(gone_straight, 4001), (gone_along, 401), pytest.param(gone_along_compiled, 10_001, marks=pytest.mark.slow)],
 )
 def test_the_force_is_a_continuous_function_of_the_drift(exponent, gone, size):
     """Newton's iteration needs it: no jump where the number of substeps changes or w its sign."""
-    law_parameters = law(exponent, 0.9)
     drifts = 3.0 * DY - np.linspace(0.0, 4.0, size) * DY
-    forces = [gone(law_parameters, [3.0 * DY, drift]) for drift in drifts]
+    forces = gone(law(exponent, 0.9), 3.0 * DY, drifts)
     slopes = np.diff(forces) / np.diff(drifts)
     assert slopes.max() <= 2.0 * K
     assert slopes.min() >= 0.0

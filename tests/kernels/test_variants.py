@@ -22,45 +22,52 @@ CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [at.PEAK_DRIFT_RATE, at.PEAK_ROWS + at.PEAK_DRIFT_RATE]  # of drift, for dashpots, of which there are none
 METHODS = ("newmark-average", "impulse4", "moment4")
 
+APART = tuple(name for name in LAWS if LAWS[name].apart)
+"""Compiled on their own, once for all scenes: to loops that call them at an address they are all one."""
 
-def building(law):
-    """The ten stories with this law, which bends where theirs yields, and every third one linear."""
+SCENES = [(name,) for name in LAWS if name not in APART] + [APART]
+
+
+def building(laws):
+    """The ten stories with these laws in turn, which bend where theirs yields, and every third one linear."""
     model = load_model(CONFIG)
     linear = Law("linear", ())
     stories = tuple(
-        replace(
-            story,
-            law=linear if law == "linear" or i % 3 == 2 else example(law, story.stiffness, story.law.parameters[0]),
-        )
+        replace(story, law=linear if i % 3 == 2 or law == "linear" else example(law, story.stiffness, strength))
         for i, story in enumerate(model.stories)
+        for law, strength in [(laws[i % len(laws)], story.law.parameters[0])]
     )
+    assert {story.law.name for story in stories} == {*laws, "linear"}
     return assemble(replace(model, stories=stories))
 
 
-def marched(law, method):
+def marched(prepared, method):
     """All that a march leaves."""
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
-    prepared = PreparedBuilding(building(law))
-    if not compilable.WHOLE:  # else what is there for everything serves, too
-        compile_ahead(kernels(parse(method), prepared.variant), ["native"], None, lambda done: None)
     result = prepared.march(parse(method), steps, ground, rows=steps.count)
     assert result.code == 0
-    return prepared.variant, {one.name: getattr(result.space, one.name) for one in fields(result.space)}
+    return {one.name: getattr(result.space, one.name) for one in fields(result.space)}
 
 
 # Compiling is what costs.
-@pytest.mark.parametrize("law", [pytest.param(law, marks=[pytest.mark.slow] * (law != "linear")) for law in LAWS])
-def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(law, monkeypatch):
+@pytest.mark.parametrize(
+    "laws", [pytest.param(laws, id=" ".join(laws), marks=[pytest.mark.slow] * (laws != ("linear",))) for laws in SCENES]
+)
+def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(laws, monkeypatch):
+    assembled = building(laws)
+    variant = PreparedBuilding(assembled).variant
+    # All methods at once: what their loops share is compiled once.
+    wanted = [one for method in METHODS for one in kernels(parse(method), variant)]
+    compile_ahead(wanted, ["native"], None, lambda done: None)
     for method in METHODS:
-        results = []
-        for whole in (True, False):
+        own, everything = {}, {}
+        for whole, result in ((True, everything), (False, own)):
             monkeypatch.setattr(compilable, "WHOLE", whole)
             for kernel, _ in kernels(parse(method), EVERYTHING):  # each remembers what it needs
                 monkeypatch.setattr(kernel, "_needs", {})
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
-            results.append(marched(law, method))
-        (variant, own), (_, everything) = results
+            result.update(marched(PreparedBuilding(assembled), method))
         step = parse(method).family.step
         assert {EVERYTHING, step.needs(variant)} <= step._loaded.keys() and step.needs(variant) != EVERYTHING
         for result in (own, everything):

@@ -209,11 +209,10 @@ def test_the_error_falls_with_the_step(seed):
 def test_the_error_falls_with_the_step_in_random_buildings():
     """Of all laws that are linear branch by branch. Where the errors at one step happen to cancel, that at the next one
     can be a little more than twice as large; where pounding repeats, no method can tell the course."""
-    found = [study(seed) for seed in range(200)]
-    assert sum(one.chaotic for one in found) <= 4
-    worst = [one.worst for one in found if not one.chaotic]
-    assert sum(value > 2.0 for value in worst) <= 2
-    assert max(worst) <= 3.0
+    apart = [found for found in map(study, range(200)) if found.worst > 2.0]
+    told = [found.worst for found in apart if not found.chaotic]
+    assert len(apart) - len(told) <= 4
+    assert len(told) <= 2 and max(told, default=0.0) <= 3.0
 
 
 def test_a_mass_between_stops_rebounds_with_its_energy():

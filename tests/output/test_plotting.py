@@ -150,3 +150,17 @@ def test_a_notebook_shows_a_figure_without_pyplot(results):
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert printed.stdout.split() == ["True", "False"], printed.stderr
+
+
+def test_looks_are_said_as_on_the_command_line(results, tmp_path):
+    """`style` is a style sheet, or all words of --style; a keyword goes over it."""
+    sheet = tmp_path / "own.mplstyle"
+    sheet.write_text("lines.linewidth: 4.5\n")
+    for style in (sheet, str(sheet), f"120mm,{sheet}"):
+        figure = tdint.plot(results["stability"], file=tmp_path / "a.svg", style=style, width="90mm")
+        assert "stroke-width: 4.5" in (tmp_path / "a.svg").read_text()
+        assert figure.get_figwidth() == pytest.approx(90 / 25.4)
+    with pytest.raises(UsageError, match="plot: style 'widht=90mm': no such word; did you mean 'width'"):
+        tdint.plot(results["stability"], style="widht=90mm")
+    with pytest.raises(UsageError, match=r"style sheet none\.mplstyle: "):
+        tdint.plot(results["stability"], style="none.mplstyle")

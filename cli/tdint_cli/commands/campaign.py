@@ -22,6 +22,7 @@ from tdint_cli.batch.campaigns import (
     export,
     finish,
     refuse_foreign,
+    set_looks,
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName
@@ -162,16 +163,8 @@ def _run(request: CampaignRequest) -> None:
     from tdint.campaign.reader import load_campaign
 
     campaign = load_campaign(request.words[0])
-    if campaign.style:
-        from tdint.errors import ModelError
-        from tdint.output.printed import PRINTED, parse_style
-
-        try:  # the command line goes over the file
-            looks = parse_style(campaign.style, "style:")
-        except UsageError as error:
-            raise ModelError(f"{campaign.source}: {error}") from None
-        PRINTED.set(PRINTED.get().over(looks))
     plan = make_plan(campaign, read_inputs(campaign))
+    set_looks(plan.style, campaign.source, drawn=bool(request.plot or request.report))
     carry_out(plan, engine, request, shard=shard, max_runs=request.max_runs)
 
 
@@ -209,6 +202,7 @@ def _export(request: CampaignRequest) -> None:
     folder = _folder(request)
     with open_existing(folder, write=True) as store:
         named = check_names(folder, request)
+        set_looks(store.style(), str(folder), drawn=bool(request.plot or request.report))
         if not request.overwrite:
             store.refuse_foreign(named)
         check_chunks(store)
@@ -240,6 +234,7 @@ def _merge(request: CampaignRequest) -> None:
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target, partial=request.partial) as store:
+            set_looks(store.style(), str(target), drawn=bool(request.plot or request.report))
             units = request.output_units or store.output_units()
             profiles = Profiles(store, request, units)
             finish(store, target, units, overwrite=request.overwrite, profiles=profiles)

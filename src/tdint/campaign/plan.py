@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -78,6 +79,8 @@ class Plan:
         How often events come in a year, as far as it is told.
     factors : str
         The file of the factors on the motions, if there is one.
+    style : tuple of (str, str)
+        Looks of the pictures as they are written, and the folder that a style sheet in them is relative to.
     scaled : mapping
         What `tdint scale` told beside it of how they came about; empty where it did not, or not of these.
     """
@@ -96,6 +99,7 @@ class Plan:
     outputs: tuple[str, ...] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
     factors: str = ""
+    style: tuple[str, str] = ("", "")
     scaled: Mapping[str, Any] = field(default_factory=dict)
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
@@ -283,6 +287,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         far=inputs.far,
         outputs=campaign.outputs,
+        style=(campaign.style, str(Path(campaign.source).parent.absolute())),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
         damage=damage,

@@ -60,6 +60,8 @@ class Identity:
         The tables that are written; None: all that there are.
     rates : mapping of str to float
         How often events come in a year, as far as it is told.
+    style : tuple of (str, str)
+        Looks of the pictures, and the folder that a style sheet in them is relative to.
     """
 
     name: str
@@ -76,15 +78,15 @@ class Identity:
     files: Mapping[str, str] = field(default_factory=dict)
     outputs: Sequence[str] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
+    style: tuple[str, str] = ("", "")
 
     @classmethod
     def of(cls, plan: Plan) -> Identity:
         """What the store of a campaign is of."""
-        parts = asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
         return cls(
             name=plan.name,
             kind="campaign",
-            settings=as_json(parts),
+            settings=as_json(asdict(plan.settings) | plan.levels.description() | plan.assignment.description()),
             buildings=plan.buildings,
             motions=plan.motions,
             chunks=plan.chunks,
@@ -95,6 +97,7 @@ class Identity:
             damage=plan.damage,
             outputs=plan.outputs,
             rates=plan.rates,
+            style=plan.style,
             files=model_files(plan.buildings) | {file: digest_of(Path(file)) for file in plan.inventory},
         )
 
@@ -115,10 +118,8 @@ class Identity:
         whole = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         if self.code:
             whole.update(json.dumps(["plug-ins", self.code]).encode())
-        for kind, digests in (
-            ("buildings", self.digests),
-            ("records", [motion.record.digest for motion in self.motions]),
-        ):
+        records = [motion.record.digest for motion in self.motions]
+        for kind, digests in (("buildings", self.digests), ("records", records)):
             whole.update(kind.encode())
             for digest in digests:
                 whole.update(digest.encode())
@@ -356,8 +357,8 @@ class Store:
         return parse_output_units(units) if units is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, files
-        of models, and columns of an inventory."""
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, looks
+        of pictures, files of models, and columns of an inventory."""
         self._tell_inventory(identity)
         values = {
             "output_units": str(identity.units),
@@ -365,6 +366,7 @@ class Store:
             "files": json.dumps(dict(identity.files)),
             "outputs": json.dumps(identity.outputs),
             "rates": json.dumps(dict(identity.rates)),
+            "style": json.dumps(identity.style),
             "periods": json.dumps([item.subject().period for item in identity.buildings if item.is_model]),
         }
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
@@ -376,8 +378,7 @@ class Store:
             self.add_unused(identity.unused)
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
             self.connection.execute("DELETE FROM building_types")
-            of_buildings = identity.damage.buildings if identity.damage else ()
-            rows = ((number, *item) for number, item in enumerate(of_buildings))
+            rows = ((number, *item) for number, item in enumerate(identity.damage.buildings if identity.damage else ()))
             self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
             self.seal()
 
@@ -435,6 +436,11 @@ class Store:
         """Whether a table is written: `runs`, `damage` or `losses`."""
         chosen = json.loads(self._known("outputs") or "null")
         return chosen is None or table in chosen
+
+    def style(self) -> tuple[str, str]:
+        """Looks of the pictures, empty where none are told, and the folder that a style sheet is relative to."""
+        text, folder = json.loads(self._known("style") or '["", ""]')
+        return text, folder
 
     def rates(self) -> dict[str, float]:
         """How often each event comes in a year; empty where it is not told."""
@@ -612,11 +618,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         It is of others: what differs, one line each.
     """
     if identity.fingerprint != store.meta("fingerprint"):
-        lines = all_differences(
-            store.sides(),
-            identity.sides,
-            given=f"this {identity.kind}",
-        )
+        lines = all_differences(store.sides(), identity.sides, given=f"this {identity.kind}")
         raise UsageError(
             f"{store.name}: holds another {identity.kind}; give another folder with -o, or --overwrite to begin anew\n"
             f"{lines}"
@@ -662,8 +664,7 @@ def remove(file: Path) -> None:
 
 def is_empty(store: Store) -> bool:
     """Whether nothing is in it yet."""
-    row = store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    return int(row[0]) == 0
+    return not store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
 
 
 def _create(store: Store, identity: Identity) -> None:

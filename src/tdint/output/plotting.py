@@ -39,7 +39,7 @@ from tdint.output.figures import comparison as statics
 from tdint.output.figures.assessment import chart_picture, failure_picture
 from tdint.output.figures.comparison import comparison_picture, profile_picture
 from tdint.output.figures.style import picture, style_context
-from tdint.output.printed import PRINTED, PrintedAs, figure_width
+from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
 from tdint.output.tables.spectra import RecordInfo, record_info
 from tdint.tabular import Several
 from tdint.units import SI, OutputUnits, parse_output_units
@@ -83,6 +83,7 @@ def plot(
     font: str | None = None,
     title: bool = True,
     label: Mapping[str, str] | None = None,
+    style: str | Path | None = None,
 ) -> Figure: ...
 
 
@@ -100,6 +101,7 @@ def plot(
     font: str | None = None,
     title: bool = True,
     label: Mapping[str, str] | None = None,
+    style: str | Path | None = None,
 ) -> Figure | Axes:
     """Draw a result, or several of one kind in one picture.
 
@@ -123,6 +125,8 @@ def plot(
         Whether the figure has a title; papers have captions.
     label : mapping of str to str, optional
         Words in the picture and what shall stand for them: `{"moment4": "present method"}`.
+    style : str or Path, optional
+        A style sheet of matplotlib, or all looks as `--style` has them: `"90mm,title=no"`.
 
     Returns
     -------
@@ -132,7 +136,7 @@ def plot(
     Raises
     ------
     UsageError
-        The result has no picture, or no main panel; a unit or a font is unknown; the panels find no room.
+        The result has no picture, or no main panel; a unit, font or style sheet is unknown; panels find no room.
     OutputError
         The file is of another kind, or cannot be written.
     """
@@ -140,7 +144,8 @@ def plot(
     kind = _kind_of(several)
     output_units = parse_output_units(units) if units else SI
     wide = figure_width(width, "plot:") if isinstance(width, str) else width
-    printed = PrintedAs(wide, font, title, tuple((label or {}).items()))
+    written = parse_style(style, "plot: style") if isinstance(style, str) else PrintedAs(style=str(style or "") or None)
+    printed = PrintedAs(wide, font, title, tuple((label or {}).items())).over(written)
     if ax is not None:
         if file is not None or printed != PrintedAs():
             raise UsageError("on axes that are there, size, letters and file are those of their figure")
