@@ -210,10 +210,8 @@ class Table:
         fields, arrays = [], []
         for column, cells in self.by_column():
             if isinstance(cells, list):
-                words = [None if cell is None else cell_text(cell) for cell in cells]
-                arrays.append(pyarrow.array(words, pyarrow.string()))
-            else:
-                arrays.append(pyarrow.array(cells))
+                cells = pyarrow.array((None if cell is None else cell_text(cell) for cell in cells), pyarrow.string())
+            arrays.append(pyarrow.array(cells))
             fields.append(pyarrow.field(column.name, arrays[-1].type, metadata=self.meanings[column.name]))
         stream = io.BytesIO()
         parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), stream)
