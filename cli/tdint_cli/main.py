@@ -19,7 +19,7 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, write_options
+from tdint_cli.options.grammar import HelpAsData, general, lasting, write_options
 from tdint_cli.terminal import Settings, emit, end_in_time, exit_code_of
 
 GROUPS = {
@@ -63,6 +63,7 @@ GROUPS = {
     "Housekeeping": {
         "compile": ("compile", "Compile time loops ahead of their first use."),
         "validate": ("validate", "Published and exact results beside those of this installation."),
+        "rerun": ("rerun", "What the JSON file beside a table says, done again and compared."),
     },
 }
 """The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its
@@ -111,6 +112,7 @@ class LazyGroup(HelpAsData, click.Group):
         """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
+        settings.arguments = lasting(sys.argv[1:] if args is None else args)
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
         context = copy_context()  # what options set ends with the command
         for noted in (READ, KEPT):  # what the command reads, from now on

@@ -38,12 +38,15 @@ class Settings:
         A progress bar is shown.
     options : frozenset of str
         The options of the command that runs, --units and so on.
+    arguments : tuple of str
+        The command line behind `tdint`, as it was typed, without what no output depends on.
     """
 
     debug: bool = False
     quiet: bool = False
     bar: bool = False
     options: frozenset[str] = frozenset()
+    arguments: tuple[str, ...] = ()
 
 
 def current() -> Settings:
@@ -384,6 +387,9 @@ class _Notes(logging.Handler):
 @contextmanager
 def _notes_of_the_library() -> Iterator[None]:
     logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
+    if any(isinstance(one, _Notes) for one in logger.handlers):  # a command within a command, which would say all twice
+        yield
+        return
     before, propagates = logger.level, logger.propagate
     # The assumptions of a record come with it, from other processes, too, and are told by the command.
     handler.addFilter(lambda record: record.name != "tdint.assumptions")

@@ -10,6 +10,7 @@ import numbers
 import os
 import reprlib
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -164,7 +165,9 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
     if not asked:
         yield lambda done, of: None
         return
-    tqdm = optional("tqdm.auto", "progress=True")
+    with warnings.catch_warnings():  # a notebook without ipywidgets has a bar of letters, which is none of its faults
+        warnings.simplefilter("ignore")
+        tqdm = optional("tqdm.auto", "progress=True")
     # A bar that is not told otherwise draws itself on terminals alone; a notebook is none.
     with tqdm.tqdm(total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None) as bar:
 

@@ -21,11 +21,14 @@ FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
 _STUDIES: list[dict[str, bytes]] = []
 
 
+STUDY = ("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out", "--plot")
+
+
 @pytest.fixture
 def studied(folder, tdint):
     """The folder with an incremental dynamic analysis in `out`, made for the first test that asks for it."""
     if not _STUDIES:
-        result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out", "--plot", "--jobs", 2)
+        result = tdint(*STUDY, "--jobs", 2)
         assert result.exit_code == 0, result.output
         _STUDIES.append({path.name: path.read_bytes() for path in (folder / "out").iterdir()})
     (folder / "out").mkdir(exist_ok=True)
@@ -78,7 +81,7 @@ def test_a_study_and_its_files(studied):
 
 def test_the_same_call_again_has_nothing_to_do(studied, tdint):
     before = {path: path.read_bytes() for path in (studied / "out").iterdir()}
-    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    result = tdint(*STUDY)
     assert result.exit_code == 0
     assert "nothing to do: all records were done" in result.stderr
     assert {path: path.read_bytes() for path in (studied / "out").iterdir()} == before
@@ -90,7 +93,7 @@ def test_an_interrupted_study_gives_the_same_bytes(studied, tdint):
     for name in before:
         (out / name).unlink()
     sql("DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0")
-    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    result = tdint(*STUDY)
     assert "1 of 3 records were done before" in result.stderr
     assert {name: (out / name).read_bytes() for name in before} == before
 
@@ -113,7 +116,7 @@ def sql(*statements):
 def test_runs_of_a_study_that_are_not_as_they_were_written_are_done_again(studied, tdint, statement):
     before = {path.name: path.read_bytes() for path in (studied / "out").iterdir() if path.suffix != ".sqlite"}
     sql(statement)
-    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    result = tdint(*STUDY)
     assert (result.exit_code, "they are done again" in result.stderr) == (0, True), result.stderr
     assert {name: (studied / "out" / name).read_bytes() for name in before} == before
 

@@ -99,7 +99,7 @@ def test_the_summary(folder, tdint):
         "schema", "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halved_steps", "events",
         "wall_time_s", "time_loop_s", "time_loop_clock", "building", "energy", "peaks", "check", "at_end",
         "collapse_drift", "collapse", "record",
-        "settings", "notes", "inputs", "versions", "meanings", "files",
+        "settings", "notes", "inputs", "versions", "meanings", "files", "arguments",
     ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
     assert summary["record"]["scale"] == 2.0

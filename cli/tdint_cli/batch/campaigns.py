@@ -20,7 +20,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import BESIDE, Ratio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
-from tdint_cli.terminal import Failures, note, progress_bar, say, warn
+from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Advance, Engine, Shard
@@ -141,9 +141,7 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
         return
     try:
         looks = parse_style(text, "style:")
-        if looks.style:
-            looks = replace(looks, style=str(Path(folder, looks.style)))
-        looks = PRINTED.get().over(looks)
+        looks = PRINTED.get().over(replace(looks, style=looks.style and str(Path(folder, looks.style))))
         if drawn:
             figures.style.check_print(looks)
     except UsageError as error:
@@ -471,7 +469,8 @@ def finish(
     again = _exports(store, units, ours)
     written = {name: writer for name, writer in again.items() if writer}
     by = profiles.request.by if profiles else None
-    _write(folder, store, {**writers, **written}, units, overwrite=overwrite, by=by)
+    made = list(current().arguments)
+    _write(folder, store, {**writers, **written}, units, made, overwrite=overwrite, by=by)
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -526,6 +525,8 @@ def export(
     UsageError
         A map is asked for and there are no places, or runs are left.
     """
+    from tdint.output.summary import told_of
+
     if geojson:
         check_map(store)
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
@@ -533,7 +534,9 @@ def export(
     others = {name: writer for name, writer in _exports(store, units, exported).items() if writer}
     writers: dict[str, Content] = {**_runs(store, units), **_of_suite(folder, profiles), **others}
     by = profiles.request.by if profiles else None
-    _write(folder, store, writers, units, overwrite=overwrite, by=by)
+    # What is written of a store says how its runs were made, as the last call that could add some told it.
+    made = told_of(folder / SUMMARY).get("arguments", [])
+    _write(folder, store, writers, units, made, overwrite=overwrite, by=by)
 
 
 def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[str, Writer | None]:
@@ -585,6 +588,7 @@ def _write(
     store: Store,
     contents: Mapping[str, Content],
     units: OutputUnits,
+    arguments: list[str],
     *,
     overwrite: bool,
     by: str | None = None,
@@ -599,7 +603,7 @@ def _write(
     if store.settings().get("profiles") == "true" and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
     files |= _damage(store, units, by)
-    files[SUMMARY] = json_bytes(in_units(campaign_summary(store), units))
+    files[SUMMARY] = json_bytes({**in_units(campaign_summary(store), units), "arguments": arguments})
     here = {folder / name: content for name, content in files.items()}
     if not overwrite:
         store.refuse_foreign(here)

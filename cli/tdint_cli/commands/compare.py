@@ -194,7 +194,7 @@ def _write(
     request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
 ) -> None:
     from tdint.model.config.model_file import rewritten
-    from tdint.output.summary import comparison_summary, in_units, json_bytes
+    from tdint.output.summary import comparison_summary
     from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)
@@ -214,7 +214,7 @@ def _write(
         files[picture] = figures.style.picture(picture.suffix, draw)
     if request.output:
         summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
-        files[request.file(SUMMARY)] = json_bytes(in_units(summary, units))
+        files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
     if files:
         write_files(files, overwrite=request.overwrite)
 

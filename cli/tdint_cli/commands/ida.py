@@ -262,14 +262,7 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
-    from tdint.output.summary import (
-        in_units,
-        inputs_summary,
-        json_bytes,
-        model_input,
-        record_summary,
-        table_summary,
-    )
+    from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
     files: dict[Path, Content] = {}
     shown = study.in_units(units)
@@ -291,7 +284,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         meanings = {**written[RUNS].meanings, **written[CAPACITIES].meanings}
         content = table_summary("ida", said, records, meanings)
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
-        files[Path(request.output) / SUMMARY] = json_bytes(in_units(content, units))
+        files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))

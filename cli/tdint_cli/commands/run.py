@@ -276,7 +276,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     """Write the files of this run, and in its folder last the summary, which lists those beside it: with --overwrite
     what an earlier one lists is removed."""
     from tdint.output.run_summary import UNITS
-    from tdint.output.summary import in_units, json_bytes, listed_files
+    from tdint.output.summary import listed_files
 
     if request.output is None:
         write_files(files, overwrite=request.overwrite)
@@ -285,7 +285,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
     def summary(digests: Mapping[Path, str]) -> bytes:
         beside = [{"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every]
-        return json_bytes(in_units(content | {"files": beside}, request.units_shown, UNITS))
+        return options.output.summary_bytes(content | {"files": beside}, request.units_shown, UNITS)
 
     every = request.in_folder(ALL_FILES)
     earlier = {folder / name: sha for name, sha in listed_files(folder / SUMMARY).items() if folder / name in every}

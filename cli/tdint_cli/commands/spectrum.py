@@ -170,7 +170,7 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
 
 def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
-    from tdint.output.summary import in_units, json_bytes, table_summary
+    from tdint.output.summary import table_summary
 
     outputs = _outputs(request, table)
     contents: dict[Path, bytes] = {}
@@ -181,7 +181,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
         of_table = {"columns": summary["columns"]}
-        contents[outputs.summary] = json_bytes(in_units(summary, request.shown_units) | of_table)
+        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, own=of_table)
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)

@@ -6,6 +6,7 @@ import functools
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
@@ -15,7 +16,7 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
-from tdint.files import keep_input
+from tdint.files import STDIN, keep_input
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -268,6 +269,11 @@ class SampleUnitsType(Name):
         return units_of_text(value) if isinstance(value, str) else value
 
 
+ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar("elsewhere", default=None)
+"""Where a command that is run again writes instead, by parameter, the name that was typed, and whether it is that of a
+folder; None where outputs go where they are typed."""
+
+
 class FileName(ValueType):
     """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
 
@@ -283,6 +289,8 @@ class FileName(ValueType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if not self.written:
             keep_input(value)
+        elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
+            return elsewhere(param.name or "" if param else "", value, self.kind == "dir")
         return value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -465,6 +473,25 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
         else:
             result.append(f"{word}={BESIDE}")
     return result
+
+
+_OF_THE_CALL = ("-q", "--quiet", "--debug", "--overwrite")
+_HOW_IT_IS_DONE = ("--jobs", "--max-runs", "--dask", "--tls-ca", "--tls-cert", "--tls-key")
+"""Options of which no table depends: flags, and those with a value."""
+
+
+def lasting(arguments: Sequence[str]) -> tuple[str, ...]:
+    """A command line as it was typed, without the options of which no output depends."""
+    result: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            return (*result, word, *words)
+        if word in _HOW_IT_IS_DONE:
+            next(words, None)
+        elif word not in _OF_THE_CALL and word.partition("=")[0] not in _HOW_IT_IS_DONE:
+            result.append(word)
+    return tuple(result)
 
 
 class HelpAsData(click.Command):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
@@ -19,6 +20,7 @@ from tdint.written_numbers import parse_head
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, OutputUnitsType, Written
+from tdint_cli.terminal import current
 
 if TYPE_CHECKING:
     from tdint.files import Content
@@ -51,12 +53,19 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
         return None
     value = refuse_empty(context, parameter, value)
     is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
+    if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
+        raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
     if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
             f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
         )
     return value
+
+
+def is_parquet(file: str | Path) -> bool:
+    """Whether a table of this name is written as Parquet."""
+    return Path(file).suffix.lower() == ".parquet"
 
 
 def is_folder_name(value: str) -> bool:
@@ -191,13 +200,18 @@ class Outputs:
         Raises
         ------
         UsageError
-            A picture without a name and without a table beside which it could lie.
+            A picture without a name and without a table beside which it could lie; Parquet without pyarrow.
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
         from tdint.files import check_outputs
 
         table = Path(output) if output else None
+        if table and is_parquet(table):
+            from tdint.output.tables.table import PARQUET
+            from tdint.tabular import optional
+
+            optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
         outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
         check_outputs(outputs.files, overwrite=overwrite)
@@ -231,7 +245,7 @@ class Outputs:
         table = table.in_units(self.shown_units)
         files: dict[Path, Content] = {}
         if self.table:
-            files[self.table] = table.csv()
+            files[self.table] = table.parquet() if is_parquet(self.table) else table.csv()
         if self.picture and draw is not None:
             files[self.picture] = figures.style.picture(self.picture.suffix, draw)
         if self.summary:
@@ -273,8 +287,7 @@ def provenance(
 ) -> bytes:
     """The JSON file beside a table whose columns mean this: what is `told`, by default the options of the command
     line, and with it all that was read."""
-    from tdint.files import READ
-    from tdint.output.summary import in_units, json_bytes, merged_inputs, table_summary
+    from tdint.output.summary import table_summary
 
     if told is None:
         context = click.get_current_context()
@@ -282,8 +295,24 @@ def provenance(
         settings = {name: _plain(value) for name, value in context.params.items() if name not in left_out}
         told = table_summary(str(context.info_name), settings, [], meanings)
         del told["records"]
-    read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
-    return json_bytes(in_units(told | {"inputs": merged_inputs(told.get("inputs", ()), read)}, units))
+    return summary_bytes(told, units)
+
+
+def summary_bytes(
+    told: Mapping[str, Any],
+    units: OutputUnits,
+    keys: Mapping[str, str] = MappingProxyType({}),
+    own: Mapping[str, Any] = MappingProxyType({}),
+) -> bytes:
+    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all have), what is the
+    command's `own` and in them already, all that was read, and the command line that `tdint rerun` carries out."""
+    from tdint.files import READ
+    from tdint.output.summary import in_units, json_bytes, merged_inputs
+
+    known = list(told.get("inputs", ()))
+    read = merged_inputs({"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items())
+    told = {**told, "inputs": [*known, *(one for one in read if one not in known)]}
+    return json_bytes({**in_units(told, units, keys), **own, "arguments": list(current().arguments)})
 
 
 def _plain(value: Any) -> Any:

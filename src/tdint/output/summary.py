@@ -173,9 +173,17 @@ def json_bytes(content: dict[str, Any]) -> bytes:
 def listed_files(summary: Path) -> dict[str, str]:
     """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such summary."""
     try:
-        files = json.loads(summary.read_bytes())["files"]
-        return {file["file"]: file["sha256"] for file in files}
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return {file["file"]: file["sha256"] for file in told_of(summary)["files"]}
+    except (LookupError, TypeError):
+        return {}
+
+
+def told_of(summary: Path) -> dict[str, Any]:
+    """What a JSON file of ours holds; nothing where there is none, or it is none."""
+    try:
+        told = json.loads(summary.read_bytes())
+        return dict(told) if told["schema"]["name"].startswith("tdint ") else {}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return {}
 
 

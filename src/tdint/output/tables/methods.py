@@ -296,6 +296,9 @@ def profile_table(chart: FieldChart) -> Table:
     return Table.of_results(PROFILE, chart.profiles)
 
 
+MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[5:]))
+"""Columns of a chart that hang on measured times: other ones in each run."""
+
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
     Column("what", "text", "case.title", "what it shows"),

@@ -12,15 +12,19 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
+from itertools import repeat, zip_longest
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tdint.errors import OutputError
+from tdint.tabular import optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
+from tdint.written_numbers import how_many
 
 Cell = bool | int | float | str | None
 
@@ -197,6 +201,29 @@ class Table:
         writer.writerows(map(cell_text, row) for row in self.rows)
         return text.getvalue().encode()
 
+    def parquet(self) -> bytes:
+        """The table as Parquet: each column with its unit and meaning, numbers with all their digits.
+
+        Raises
+        ------
+        UsageError
+            pyarrow is not installed.
+        """
+        pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
+        fields, arrays = [], []
+        for column, cells in self.by_column():
+            if isinstance(cells, list):
+                cells = pyarrow.array((None if cell is None else cell_text(cell) for cell in cells), pyarrow.string())
+            arrays.append(pyarrow.array(cells))
+            fields.append(pyarrow.field(column.name, arrays[-1].type, metadata=self.meanings[column.name]))
+        stream = io.BytesIO()
+        parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), stream)
+        return stream.getvalue()
+
+
+PARQUET = ("a Parquet file", "parquet")
+"""What needs pyarrow, and the extra that brings it."""
+
 
 def cell_text(value: Cell) -> str:
     """One cell as text: 12 significant digits, true/false, nothing for None and nan."""
@@ -240,3 +267,85 @@ DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
 PERIOD = Column("period_s", "s", "periods", "natural period")
 FLOOR = Column("floor", "1", "floor", "floor, from 1 at the bottom")
 METHOD_SPEC = Column("method", "text", "method", "time-integration method with its parameters")
+
+
+# ---- Two files of one table, cell by cell
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A cell that two files of a table have otherwise, as text; None where one has none. `row` counts from 1."""
+
+    file: str
+    row: int | None
+    column: str
+    before: str | None
+    now: str | None
+
+    @property
+    def relative(self) -> float:
+        """Difference over the larger of both numbers; nan where one is no number."""
+        try:
+            before, now = float(self.before or "nan"), float(self.now or "nan")
+        except ValueError:
+            return math.nan
+        largest = max(abs(before), abs(now))
+        return abs(now - before) / largest if 0.0 < largest < math.inf else math.nan
+
+
+DIFFERENCE = (
+    Column("file", "text", "file", "file of the table"),
+    Column("row", "1", "row", "row below the header, from 1; empty for what the whole table has otherwise"),
+    Column("column", "text", "column", "name of the column"),
+    Column("before", "text", "before", "the cell as it was; empty where there was none"),
+    Column("now", "text", "now", "the cell as it is now; empty where there is none"),
+    Column("relative_difference", "1", "relative", "difference over the larger of both; empty where one is no number"),
+)
+
+
+def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterator[Difference]:
+    """What two CSV files of a table, packed or not, have otherwise, in the order of the rows.
+
+    Parameters
+    ----------
+    before, now : Path
+        The files; both are read as this is asked for.
+    but : collection of str
+        Columns that are not looked at.
+
+    Raises
+    ------
+    OutputError
+        One of them cannot be read, or is no CSV file.
+    """
+    name = now.name
+    first, second = _cells(before), _cells(now)
+    old, new = next(first, []), next(second, [])
+    # Columns that one of them alone has, then the cells of the others.
+    for column in dict.fromkeys((*old, *new)):
+        if (column in old) != (column in new):
+            yield Difference(name, None, column, *("a column" if column in one else None for one in (old, new)))
+    shared = [(column, old.index(column), new.index(column)) for column in old if column in new and column not in but]
+    counts = [0, 0]
+    for number, (row, other) in enumerate(zip_longest(first, second), start=1):
+        counts = [counts[0] + (row is not None), counts[1] + (other is not None)]
+        if row is None or other is None:
+            continue
+        for column, i, j in shared:
+            cells = row[i] if i < len(row) else None, other[j] if j < len(other) else None
+            if cells[0] != cells[1]:
+                yield Difference(name, number, column, *cells)
+    if counts[0] != counts[1]:
+        yield Difference(name, None, "", *(how_many(count, "row") for count in counts))
+
+
+def _cells(file: Path) -> Iterator[list[str]]:
+    """The rows of a CSV file, its header first."""
+    import gzip
+    import zlib
+
+    try:
+        with (gzip.open if file.suffix.lower() == ".gz" else open)(file, "rt", encoding="utf-8", newline="") as stream:
+            yield from csv.reader(stream)
+    except (OSError, EOFError, ValueError, csv.Error, zlib.error) as error:
+        raise OutputError(f"{file}: cannot be read as CSV: {getattr(error, 'strerror', None) or error}") from None

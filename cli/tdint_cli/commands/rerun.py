@@ -1,0 +1,383 @@
+"""`tdint rerun`: the command line in the JSON file beside a table, carried out again elsewhere; tables compared."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack, chdir, redirect_stdout
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, OutputError, UsageError
+from tdint.files import STDIN, digest_of, is_file, is_folder
+from tdint.output import tables
+from tdint.written_numbers import how_many
+from tdint_cli import options
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.grammar import ELSEWHERE, FileName, with_named_files
+from tdint_cli.terminal import Settings, current, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.output.tables.table import Difference
+
+SUMMARY = "summary.json"
+"""Of a folder that is given in place of its file."""
+
+SHOWN = 1000
+"""Cells that the table of differences has at most: of a history of millions nobody reads more."""
+
+
+@options.request
+class Request:
+    """The command line of `tdint rerun`."""
+
+    file: str = options.argument("FILE.json|DIR", type=FileName())
+    changed: bool = options.option(
+        is_flag=True, common=True, help="Also with inputs that are not those of then; they are named."
+    )
+    output: str | None = options.output.output(
+        "DIR", "Keep what the command writes now, in this folder: a new or an empty one. Without it nothing is kept."
+    )
+
+
+@options.command(
+    "rerun",
+    "tdint rerun loop.json",
+    "tdint rerun loop.json --changed -o again",
+    exits={2: "inputs are not those of then, or the file says no command line", 5: "a table is not the same"},
+)
+@options.of(Request)
+def command(request: Request) -> None:
+    """What the JSON file beside a table says, done again and compared.
+
+    The file's `arguments` are carried out in the folder that they were typed in, with the installed version; whatever
+    they write goes to another place, so that no file is replaced. DIR stands for DIR/summary.json. All CSV files are
+    compared cell by cell, but for measured times: exit code 0 if they are the same, else 5, and a table of the cells
+    that differ goes to standard output, with 1000 of them at most. Standard error tells what was compared, and versions
+    that are others now.
+
+    The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked for from the folder
+    in which the command was typed, if the file still lies where it was written, and then from this one. With --changed
+    other inputs are named, and taken. A command that fails ends with its own exit code. Plug-ins are Python code, which
+    is executed: of a file that somebody else gave you read `arguments` first.
+    """
+    told = _Told.read(request.file)
+    folder = told.folder()
+    # What is not as it was is known before the work, where it is a file.
+    others = _other_files(told.inputs, folder)
+    _judge_inputs(others, request.changed)
+    with ExitStack() as stack:
+        place = _place(request.output, stack)
+        moved = _Elsewhere(place, told, folder)
+        code = _carry_out(told, folder, moved)
+        # What came of it, from what
+        if not moved.summary.is_file():
+            _refuse_renamed(told, code)
+            raise click.exceptions.Exit(code)
+        now = _Told.read(str(moved.summary))
+        later = _other_digests(told, now)
+        _judge_inputs({name: later[name] for name in later if name not in others}, request.changed)
+        _tell_versions(told.versions, now.versions)
+        same = _compare(told, now, moved)
+    if not same:
+        raise AnalysisError(f"{told.file}: what it was written beside is not what comes of it now")
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a JSON file beside a table says of how it came about.
+
+    Attributes
+    ----------
+    file : Path
+        The file.
+    content : mapping
+        All that it holds.
+    arguments : sequence of str
+        The command line behind `tdint`.
+    command : Command
+        The command, which has -o.
+    output : str
+        What was typed behind -o.
+    is_folder : bool
+        Whether that is a folder.
+    inputs : dict
+        SHA-256 of the files that were read, by name.
+    versions : dict
+        Of tdint and of what it computes with.
+    plugins : dict
+        SHA-256 of the plug-ins' files, by what is in them.
+    """
+
+    file: Path
+    content: Mapping[str, Any]
+    arguments: Sequence[str]
+    command: click.Command
+    output: str
+    is_folder: bool
+    inputs: dict[str, str]
+    versions: dict[str, Any]
+    plugins: dict[str, str]
+
+    @classmethod
+    def read(cls, name: str) -> _Told:
+        """Read the file, or that of a folder.
+
+        Raises
+        ------
+        UsageError
+            It is none of tdint, or says no command line that writes a table.
+        """
+        from tdint.output.summary import told_of
+
+        file = Path(name) / SUMMARY if is_folder(name) else Path(name)
+        if not is_file(file):
+            raise UsageError(f"{file}: no such file; give the JSON file beside a table")
+        content = told_of(file)
+        if not content:
+            raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
+        arguments = content.get("arguments")
+        if not isinstance(arguments, list) or not arguments or not all(isinstance(one, str) for one in arguments):
+            raise UsageError(
+                f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
+            )
+        return cls._parsed(file, content, arguments)
+
+    @classmethod
+    def _parsed(cls, file: Path, content: Mapping[str, Any], arguments: list[str]) -> _Told:
+        """With the command and what it was told to write, found as click finds them."""
+        context = click.get_current_context().find_root()
+        group = context.command
+        assert isinstance(group, click.Group)
+        at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
+        name = arguments[at] if at < len(arguments) else ""
+        command = group.get_command(context, name)
+        named = next((one for one in command.params if one.name == "output"), None) if command else None
+        if command is None or named is None or name == "rerun":
+            raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
+        flags = {flag for parameter in command.params for flag in parameter.opts}
+        parser = command.make_parser(click.Context(command, info_name=name, resilient_parsing=True))
+        given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
+        output = given.get("output")
+        if not isinstance(output, str) or output == STDIN:
+            raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
+        # A table's file has a suffix; a folder that was there may have been named without a / at its end.
+        whole = Path(output).parts
+        within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
+        only = isinstance(named.type, FileName) and named.type.kind == "dir"
+        is_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
+        try:
+            inputs = {str(one["file"]): str(one["sha256"]) for one in content.get("inputs", ())}
+            versions = dict(content.get("versions", {}))
+            plugins = dict(versions.pop("plugins", {}))
+        except (LookupError, TypeError, ValueError):
+            raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table") from None
+        return cls(file, content, arguments, command, output, is_folder, inputs, versions, plugins)
+
+    def folder(self) -> Path:
+        """The folder that the command line was typed in: the one that its -o leads from, if the file still lies there,
+        or else the working directory; the one that has the inputs.
+
+        Raises
+        ------
+        UsageError
+            An input is in neither.
+        """
+        typed = Path(self.output) if self.is_folder else Path(self.output).parent
+        here = self.file.absolute().parent
+        above = Path(*here.parts[: len(here.parts) - len(typed.parts)])
+        from_there = not typed.is_absolute() and ".." not in typed.parts and above / typed == here
+        places = [above, Path.cwd()] if from_there else [Path.cwd()]
+        missing = [name for name in self.inputs if not _is_there(places[0], name)]
+        for place in places:
+            if all(_is_there(place, name) for name in self.inputs):
+                return place
+        looked = " and ".join(dict.fromkeys(str(place) for place in places))
+        raise UsageError(
+            f"{missing[0]}: an input of {self.file}, is not there, seen from {looked}; call `tdint rerun` in the "
+            "folder in which the command was typed"
+        )
+
+
+def _is_there(folder: Path, name: str) -> bool:
+    """Whether a file, or the archive that it lies in, is there; of standard input nobody knows."""
+    return name == STDIN or any(is_file(one) for one in (folder / name, *(folder / name).parents))
+
+
+@dataclass
+class _Elsewhere:
+    """Where what a command line writes goes instead, and what it is compared with there."""
+
+    place: Path
+    told: _Told
+    folder: Path
+    others: list[tuple[str, str]] = field(default_factory=list)
+    """What it writes beside -o: the name that was typed and the one instead."""
+
+    def __call__(self, parameter: str, name: str, folder: bool) -> str:
+        """The name for one that was typed: that of -o in the new place, others in folders of their own there."""
+        end = os.sep if folder else ""
+        if parameter == "output":
+            own = self.place / _last(name)
+            return name if Path(name) == own else f"{own}{os.sep if self.told.is_folder else ''}"
+        if name not in [moved for _, moved in self.others]:  # a value may come twice, as typed and moved
+            self.others.append((name, f"{self._apart / str(len(self.others)) / _last(name)}{end}"))
+            return self.others[-1][1]
+        return name
+
+    @property
+    def _apart(self) -> Path:
+        return self.place / "others"
+
+    @property
+    def _now(self) -> Path:
+        """The folder that now has what lay beside the JSON file."""
+        return self.place / _last(self.told.output) if self.told.is_folder else self.place
+
+    @property
+    def summary(self) -> Path:
+        """The JSON file there."""
+        return self._now / self.told.file.name
+
+    def tables(self) -> Iterator[tuple[str, Path, Path]]:
+        """Each CSV file that was written: its name, where it was before, and where it is now."""
+        places = [(self._now, self.told.file.absolute().parent)]
+        places += [(Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others]
+        for now, before in places:
+            for file in sorted(now.rglob("*")):
+                apart = now == self.place and self._apart in file.parents
+                if file.name.lower().endswith((".csv", ".csv.gz")) and not apart:
+                    name = file.relative_to(now)
+                    yield str(name), before / name, file
+
+
+def _last(name: str) -> str:
+    """The last part of a path, which . and .. have none of."""
+    last = Path(name).name
+    return "output" if last in ("", "..") else last
+
+
+def _place(output: str | None, stack: ExitStack) -> Path:
+    """The folder for what the command writes now: one that goes in the end, or the one of -o."""
+    if output is None:
+        return Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
+    place = Path(output).absolute()
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise OutputError(f"{output}: is there and not an empty folder; name a new one")
+    return place
+
+
+def _carry_out(told: _Told, folder: Path, moved: _Elsewhere) -> int:
+    """Run the command line in its folder, its data and outputs elsewhere; its exit code."""
+    settings = current()
+    before = ELSEWHERE.set(moved)
+    say(f"tdint {' '.join(told.arguments)}")
+    try:
+        with chdir(folder), Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+            click.get_current_context().find_root().command.main(
+                list(told.arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
+            )
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    finally:
+        ELSEWHERE.reset(before)
+    if code >= 128:  # a signal
+        raise click.exceptions.Exit(code)
+    return code
+
+
+def _refuse_renamed(told: _Told, code: int) -> None:
+    """Raise UsageError where a command that was done wrote no JSON file of this name."""
+    if not code:
+        raise UsageError(f"{told.file}: the command writes no file of this name; give it back the one that it had")
+
+
+def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
+    """Refuse other inputs, or name them."""
+    if others and not changed:
+        raise UsageError("\n".join([*others.values(), "--changed runs with the inputs of now"]))
+    warn(*others.values())
+
+
+def _other_files(inputs: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """What is to be said of files that are not what they were, by name; what lies in an archive, and standard input,
+    is known once it is read."""
+    files = [name for name in inputs if name != STDIN and is_file(folder / name)]
+    now = {name: digest_of(folder / name) for name in files}
+    return {name: _otherwise(name, inputs[name], now[name]) for name in files if now[name] != inputs[name]}
+
+
+def _other_digests(told: _Told, now: _Told) -> dict[str, str]:
+    """The same of all inputs and plug-ins, also of those that one of both runs has read alone."""
+    then, today = ({**one.inputs, **one.plugins} for one in (told, now))
+    names = sorted(name for name in {*then, *today} if then.get(name) != today.get(name))
+    return {name: _otherwise(name, then.get(name), today.get(name)) for name in names}
+
+
+def _otherwise(name: str, then: str | None, now: str | None) -> str:
+    """What is to be said of an input that is another one."""
+    if then is None or now is None:
+        return f"{name}: was {'not read' if then is None else 'read'} then, and is {'' if now else 'not '}read now"
+    return f"{name}: is not what was read then (SHA-256 {then[:12]}..., now {now[:12]}...)"
+
+
+def _tell_versions(then: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Name the versions that are others; that of tdint tells of its sources, too."""
+    for name in dict.fromkeys((*then, *now)):
+        if name != "sources" and then.get(name) != now.get(name):
+            note(f"{name} {then.get(name) or 'none'} then, {now.get(name) or 'none'} now")
+
+
+def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
+    """Compare all tables, and how a run ended; whether all is the same."""
+    same = True
+    shown: list[Difference] = []
+    measured = tables.methods.MEASURED if told.command.name == "chart" else ()
+    for name, before, file in moved.tables():
+        if not before.is_file():
+            say(f"{name}: is written now, and not there where it was then ({before})")
+            same = False
+            continue
+        count, examples, largest = _counted(before, file, measured)
+        say(_sentence(name, count, largest))
+        shown += examples[: SHOWN - len(shown)]
+        same = same and not count
+    ends = [one.content.get("status") for one in (told, now)]
+    if ends[0] != ends[1]:
+        say(f"the run was {ends[0]} then, and is {ends[1]} now")
+    elif ends[0] not in (None, "done"):
+        say(f"the run was {ends[0]} then, and is so now")
+    if shown:
+        emit_table(tables.table.Table.of_results(tables.table.DIFFERENCE, shown))
+    return same and ends[0] == ends[1]
+
+
+def _counted(before: Path, now: Path, measured: Collection[str]) -> tuple[int, list[Difference], Difference | None]:
+    """How many cells differ but for what is `measured`, the first of them, and the one that differs most."""
+    found = tables.table.differences(before, now, but=measured)
+    examples = list(islice(found, SHOWN))
+    count, largest = len(examples), max(examples, key=_size, default=None)
+    for one in found:
+        count += 1
+        largest = max(largest or one, one, key=_size)
+    return count, examples, largest
+
+
+def _size(one: Difference) -> float:
+    """By which differences are ranked: what is no number comes last."""
+    return -1.0 if math.isnan(one.relative) else one.relative
+
+
+def _sentence(name: str, count: int, largest: Difference | None) -> str:
+    if not count:
+        return f"{name}: the same, cell by cell"
+    text = f"{name}: {how_many(count, 'difference')}"
+    if largest is None or math.isnan(largest.relative):
+        return text
+    return f"{text}, at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
