@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import os
 import shutil
 import signal
@@ -17,6 +18,7 @@ import click
 import pytest
 from click.testing import Result
 
+from csv_rows import rows
 from tdint.analysis.chart.problem import _load
 from tdint.kernels.building.store import _look_up_in, file_name
 from tdint.kernels.building.target import native
@@ -434,3 +436,50 @@ def test_a_dash_is_standard_output(study: Path, tdint: Run) -> None:
     result = tdint("run", "shaken.yaml", *MOTION, "-o", "-")
     assert (result.exit_code, "this command writes a folder" in result.stderr) == (2, True)
     assert not (study / "-").exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "modes shaken.yaml --output-units kN,mm,t",
+        "law shaken.yaml --drift 1%",
+        "pushover shaken.yaml",
+        "info motion.mseed",
+        "stability --method hht --dt-over-t 0.1:1:3",
+        "validate",
+    ],
+)
+def test_a_single_table_is_written_as_parquet(folder, tdint, line):
+    """The same columns, words and numbers as in CSV, where these have 12 digits; each with its unit."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for file in ("a.csv", "a.parquet"):
+        result = tdint(*line.split(), "-o", file, "--overwrite")
+        assert result.exit_code == 0, result.stderr
+    table, expected = parquet.read_table("a.parquet"), rows(Path("a.csv").read_text())
+    assert table.column_names == list(expected[0])
+    for name in table.column_names:
+        for cell, text in zip(table[name].to_pylist(), (row[name] for row in expected), strict=True):
+            if isinstance(cell, float):
+                assert text == "" if math.isnan(cell) else float(text) == pytest.approx(cell, rel=1e-11, abs=1e-300)
+            else:
+                assert ("" if cell is None else str(cell)).lower() == text.lower()
+    told = json.loads(Path("a.json").read_text())["columns"]
+    for name in table.column_names:
+        known = {key.decode(): value.decode() for key, value in table.field(name).metadata.items()}
+        assert known["meaning"] and known.get("unit") == told[name].get("unit")
+
+
+@pytest.mark.parametrize("line", ["spectrum motion.mseed", "run shaken.yaml", "ida shaken.yaml motion.mseed"])
+def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
+    result = tdint(*line.split(), "-o", "a.parquet")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == [
+        "Error: -o a.parquet: this command writes CSV alone; Parquet is for commands with a single table"
+    ]
+
+
+def test_parquet_without_pyarrow_is_refused_before_the_work(folder, tdint, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    result = tdint("modes", "none.yaml", "-o", "a.parquet")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == ["Error: a Parquet file needs pyarrow: pip install 'tdint[parquet]'"]

@@ -141,9 +141,7 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
         return
     try:
         looks = parse_style(text, "style:")
-        if looks.style:
-            looks = replace(looks, style=str(Path(folder, looks.style)))
-        looks = PRINTED.get().over(looks)
+        looks = PRINTED.get().over(replace(looks, style=looks.style and str(Path(folder, looks.style))))
         if drawn:
             figures.style.check_print(looks)
     except UsageError as error:

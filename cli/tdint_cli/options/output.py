@@ -53,12 +53,19 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
         return None
     value = refuse_empty(context, parameter, value)
     is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
+    if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
+        raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
     if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
             f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
         )
     return value
+
+
+def is_parquet(file: str | Path) -> bool:
+    """Whether a table of this name is written as Parquet."""
+    return Path(file).suffix.lower() == ".parquet"
 
 
 def is_folder_name(value: str) -> bool:
@@ -193,13 +200,18 @@ class Outputs:
         Raises
         ------
         UsageError
-            A picture without a name and without a table beside which it could lie.
+            A picture without a name and without a table beside which it could lie; Parquet without pyarrow.
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
         from tdint.files import check_outputs
 
         table = Path(output) if output else None
+        if table and is_parquet(table):
+            from tdint.output.tables.table import PARQUET
+            from tdint.tabular import optional
+
+            optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
         outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
         check_outputs(outputs.files, overwrite=overwrite)
@@ -233,7 +245,7 @@ class Outputs:
         table = table.in_units(self.shown_units)
         files: dict[Path, Content] = {}
         if self.table:
-            files[self.table] = table.csv()
+            files[self.table] = table.parquet() if is_parquet(self.table) else table.csv()
         if self.picture and draw is not None:
             files[self.picture] = figures.style.picture(self.picture.suffix, draw)
         if self.summary:
