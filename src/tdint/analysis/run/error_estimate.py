@@ -2,10 +2,12 @@
 
 A run of moment4 carries its error along (`tdint.kernels.equations.carried.error`). Below 1e-3 of the peak drift the
 run's own peaks are off by no more than 1.25 times the estimate in 96 of 100 runs, and the corrected ones by less than
-the estimate in 98; up to 1e-2 it is right within a factor of 3; above, the step is too long for it to tell. It is in
-doubt, too, where the drifts' error is small beside that of the other motions: where it passes zero at the peaks, what
-the run does not know of it is what is left. And where a law decides something for good by less than the error: whether
-a story turns, if each turn counts, or fails.
+the estimate in 98; up to 1e-2 it is right within a factor of 3; above, the step is too long for it to tell. A peak
+whose correction is not all of its told error stays as computed, but in linear buildings.
+
+It is in doubt, too, where the drifts' error is small beside that of the other motions: where it passes zero at the
+peaks, what the run does not know of it is what is left. And where a law decides something for good by less than the
+error: whether a story turns, if each turn counts, or fails.
 
 There a run with a half of the step carries its error along, with a quarter where that is too long still: what its
 corrected peaks differ by is the error, and what these may be off by is added. They are the corrected ones of the run,
@@ -155,19 +157,21 @@ def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
     """What the peaks of a run differ by from the corrected ones of a run with a smaller step, and what these may be off
     by: what they are corrected by. Where both end with a collapse, each at a step of its own, they are none of the
     first one's."""
-    assert finer_run.check is not None and finer_run.check.corrected is not None
-    errors = {}
+    assert finer_run.check is not None and finer_run.check.corrected is not None and finer_run.check.left is not None
+    errors, taken = {}, {}
     for name in (field.name for field in fields(StoryErrors)):
-        peaks, other, true = (
-            getattr(of, name) for of in (response.stories, finer_run.stories, finer_run.check.corrected)
+        peaks, true, left = (
+            getattr(of, name) for of in (response.stories, finer_run.check.corrected, finer_run.check.left)
         )
-        size = np.abs(_size(response, name))
-        off = not_by_accident(np.abs(peaks - true) + np.abs(other - true), size)
-        errors[name] = _with_unresolved(response, name, off + _ROUNDING * size)
+        size, shift = np.abs(_size(response, name)), np.abs(peaks - true)
+        errors[name] = _with_unresolved(response, name, not_by_accident(shift + left, size) + _ROUNDING * size)
+        # By less than it may itself be off by, a peak is not corrected.
+        taken[name] = np.where(shift > left, true, peaks)
     told = ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(finer_run.dt,))
     if response.collapse is not None and response.collapse.ended:
         return told
-    return replace(told, corrected=finer_run.check.corrected, left=finer_run.check.left)
+    corrected = replace(finer_run.check.corrected, **taken)
+    return replace(told, corrected=corrected, left=finer_run.check.left)
 
 
 def _noted(response: Response) -> Response:
@@ -214,12 +218,9 @@ def _too_coarse(response: Response) -> str:
 
 def _off(response: Response, *names: str) -> float:
     """The largest error over the peak that a run has carried along to peaks of these names."""
-    assert response.check is not None and response.check.corrected is not None
-    relative = []
-    for name in names:
-        peaks, true = getattr(response.stories, name), getattr(response.check.corrected, name)
-        relative.append(float(np.max(np.abs(true - peaks) / np.maximum(_size(response, name), _TINY))))
-    return max(relative)
+    assert response.check is not None and response.check.shifts is not None
+    shifts = response.check.shifts
+    return max(float(np.max(getattr(shifts, name) / np.maximum(_size(response, name), _TINY))) for name in names)
 
 
 def checked(case: Case, steps: Steps, response: Response) -> Response:

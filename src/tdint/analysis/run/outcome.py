@@ -187,9 +187,12 @@ class ErrorEstimate:
         How the step was chosen, if it was for a tolerance.
     corrected : StoryPeaks or None
         The peaks of the motion that is corrected by the error carried along, by the run or by one with a smaller step:
-        nearer to the truth. None where the error comes from repetitions.
+        nearer to the truth. A peak that is not surely corrected stays as computed. None where the
+        error comes from repetitions.
     left : StoryErrors or None
-        What the corrected peaks may be off by: what they are corrected by in the run that carried its error along.
+        What the corrected peaks may be off by: the told errors of the run that carried its error along.
+    shifts : StoryErrors or None
+        By how much the peaks of the motion with the error carried along differ, corrected by that or not; of the run.
     doubtful : tuple of int and float, or None
         The first story, from 1, that decides something for good which its error may decide otherwise, and when, s; of a
         run that carries its error along.
@@ -202,6 +205,7 @@ class ErrorEstimate:
     choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
     left: StoryErrors | None = None
+    shifts: StoryErrors | None = None
     doubtful: tuple[int, float] | None = None
 
     @classmethod

@@ -3,7 +3,8 @@
 Nodes are the ends of the step, where stories turn or change their branches, and even numbers of equal parts between.
 There the companion's path, bubbles included, tells the forces of the stories, and equilibrium the accelerations. Over
 each two parts both are quadratic; what accelerations integrate to, and a line of them that brings that to where the
-corrected motion arrives, are velocities and displacements.
+corrected motion arrives, are velocities and displacements. Where a story changes its branch, of which the bubbles do
+not know, the forces are taken once more where these lead.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ _BULGE = 10.0
 _BULGES = _BULGE + 60.0
 # Where the slope of a force jumps within a step, its part of the change over the step that goes beyond line and bulge.
 _CORNER = 0.07
+
+# Of a step, by which bubbles may move the end of a branch
+_NEARBY = 0.1
 
 _OF_MOTION = (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
 _AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
@@ -166,7 +170,7 @@ def comes_near(carried, calm):
             slope = slope if slope < math.inf else 0.0
             near |= _comes_near(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
             still &= surely_keeps(carried, i, story)
-        if DASHPOTS:
+        if DASHPOTS and scene.flags[at.DEVICES] != 0.0:
             fastest = max(abs(story.v), abs(story.v + story.bend))
             near |= fastest > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
         floor = below
@@ -220,7 +224,7 @@ def passes(scene, h, load, memory, base, calm):
         force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
         passed |= _beyond(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
         here |= _turns(story) & passed
-        if DASHPOTS:
+        if DASHPOTS and scene.flags[at.DEVICES] != 0.0:
             fastest = max(abs(story.v), abs(story.v + story.bend))
             here |= fastest >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
         turning |= here
@@ -266,14 +270,21 @@ def look_within(scene, h, load, memory, base, calm, passing):
     n = scene.linear_terms.shape[1] - 1
     count = _place(carried, calm, turning)
     by_h = 1.0 / h
+    # The bubbles know of no corner inside: there the accelerations are followed once more.
+    again = BENDING and not calm and turning
+    first, last = (0, n - 1) if again else (low, high)
     for k in range(count):
-        for i in range(0 if MODAL else max(low - 2, 0), n):
+        for i in range(0 if MODAL else max(first - 2, 0), n):
             work[base + OWN.MOTION + k, i] = by_h * _rate(carried, work[base + OWN.FORCES + k, n], i)
-    for i in range(max(low - 1, 0), min(high + 2, n)):
+    for i in range(max(first - 1, 0), min(last + 2, n)):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         _force(carried, i, still, count)
     for k in range(count):
-        _accelerate(carried, k, low, high)
+        _accelerate(carried, k, first, last, not again)
+    if again:
+        _follow_accelerations(carried, count)
+        for k in range(count):
+            _accelerate(carried, k, first, last, True)
     peaks = base + OWN.PEAKS
     for i in range(low, high + 1):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
@@ -307,7 +318,10 @@ def _place(carried, calm, turning):
                     work[out + RESULT.EVENT, n + 1 + i],
                     work[out + RESULT.LAST_EVENT, n + 1 + i],
                 )
-                for t in times:
+                for which in range(3):
+                    t = times[which]
+                    if which > 0 and 0.0 < t < 1.0:
+                        t = _moved_by_bubbles(carried, i, t)
                     if 0.0 < t < 1.0 and events < _EVENTS:
                         at_place = events
                         while at_place > 0 and work[row + at_place - 1, n] > t:
@@ -328,6 +342,79 @@ def _place(carried, calm, turning):
                 count += 1
             begin = end
     return count
+
+
+@inlined
+def _moved_by_bubbles(carried, i, t):
+    """When story `i` reaches the end of a branch that its parabola reaches at `t`: its bubbles lead it there sooner or
+    later. Where it goes too slowly for a first order to tell, `t` stays."""
+    whole, s = whole_path(carried, i), t - 0.5
+    bubbles = bubbles_of(carried, i)
+    rate = whole.rise + whole.bend * s
+    rate += 120.0 * s * (s * s - 0.25) * bubbles[0] + (2.5 - 30.0 * s * s) * bubbles[1]
+    off = error_path.bubble(bubbles, s)
+    return t - off / rate if abs(off) < _NEARBY * abs(rate) else t
+
+
+@called
+def _follow_accelerations(carried, count):
+    """Forces of the stories at the nodes, and velocities of the floors, where the accelerations there lead: ways and
+    rates beyond those of the path at first, then what they add to the forces."""
+    scene, memory, _, h, base = carried
+    work = memory.work
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
+    row, by_h = base + OWN.MOTION, 1.0 / h
+    for i in range(n):
+        _integrate(carried, i, count)
+    for i in range(n):
+        link, below = linear_terms[at.LINK, i], max(i - 1, 0)
+        for k in range(count):
+            way = _relative(work, row + k, i, link)
+            rate = by_h * (work[row + k, n + 1 + i] - link * work[row + k, n + 1 + below])
+            before = by_h * (
+                _rate(carried, work[base + OWN.FORCES + k, n], i)
+                - link * _rate(carried, work[base + OWN.FORCES + k, n], below)
+            )
+            spring = work[base + OWN.SLOPES + k, i] * way
+            more = linear_terms[at.GEOMETRIC, i] * way + linear_terms[at.STORY_DAMPER, i] * (rate - before)
+            if DASHPOTS:
+                more += power_damper(linear_terms, i, rate)[0] - power_damper(linear_terms, i, before)[0]
+            work[base + OWN.FORCES + k, n + 1 + i] += spring
+            work[base + OWN.FORCES + k, i] += spring + more
+    for k in range(count):
+        for i in range(n):
+            work[row + k, i] = by_h * work[row + k, n + 1 + i]
+
+
+@inlined
+def _integrate(carried, i, count):
+    """Where the accelerations of floor `i` at the nodes lead, in the rows MOTION: its way beyond that of the path in
+    their place, h times its rate in column n + 1 + i. A line of accelerations brings it to where the step does."""
+    _, memory, _, h, base = carried
+    work = memory.work
+    n = carried.scene.linear_terms.shape[1] - 1
+    floor = corrected(carried, i)
+    square = h * h
+    row = base + OWN.MOTION
+    even, odd = work[base + OWN.EVEN, i], work[base + OWN.ODD, i]
+    way, rate, a2 = 0.0, floor.v, square * work[row, i]
+    work[row, i], work[row, n + 1 + i] = way, rate
+    for k in range(0, count - 2, 2):
+        d = work[base + OWN.FORCES + k + 1, n] - work[base + OWN.FORCES + k, n]
+        a0, a1, a2 = a2, square * work[row + k + 1, i], square * work[row + k + 2, i]
+        work[row + k + 1, i] = way + d * rate + d * d * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
+        work[row + k + 1, n + 1 + i] = rate + d * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
+        way += 2.0 * d * rate + d * d * (2.0 * a0 + 4.0 * a1) / 3.0
+        rate += d * (a0 + 4.0 * a1 + a2) / 3.0
+        work[row + k + 2, i], work[row + k + 2, n + 1 + i] = way, rate
+    level = floor.v + floor.bend - rate
+    tilt = 12.0 * (0.5 * level - (floor.rise - way))
+    for k in range(count):
+        t = work[base + OWN.FORCES + k, n]
+        path_way = t * (floor.rise + 0.5 * floor.bend * (t - 1.0)) + error_path.bubble((even, odd), t - 0.5)
+        work[row + k, i] += t * t * (0.5 * level + tilt * (t / 6.0 - 0.25)) - path_way
+        work[row + k, n + 1 + i] += t * (level + 0.5 * tilt * (t - 1.0))
 
 
 @inlined
@@ -353,13 +440,16 @@ def _force(carried, i, still, count):
         t = work[base + OWN.FORCES + k, n]
         force = springs[at.FORCE, c]
         drift = path.drift_at(whole, t) + error_path.bubble(bubbles, t - 0.5)
+        slope = springs[at.SLOPE, c]
         if not BENDING or still:
-            force += springs[at.SLOPE, c] * (drift - whole.start)
+            force += slope * (drift - whole.start)
         elif t > here:
             force, past = error_path.go_on(
                 scene.law_parameters, springs, c, path.part_of(whole, here, t), bubbles, turned, past, results
             )
+            slope = springs[at.FIRST_TRIAL + at.SLOPE, c] if slope < math.inf else slope
         here = t
+        work[base + OWN.SLOPES + k, i] = slope if slope < math.inf else 0.0
         rate = work[base + OWN.MOTION + k, i] - link * work[base + OWN.MOTION + k, max(i - 1, 0)]
         work[base + OWN.FORCES + k, c] = force
         work[base + OWN.FORCES + k, i] = (
@@ -381,9 +471,9 @@ def _rate(carried, t, i):
 
 
 @inlined
-def _accelerate(carried, k, low, high):
-    """Accelerations at node `k` from equilibrium, of floors `low` - 1 to `high`; total shears in place of the forces of
-    the stories."""
+def _accelerate(carried, k, low, high, last_time):
+    """Accelerations at node `k` from equilibrium, of floors `low` - 1 to `high`; at the last time total shears in place
+    of the forces of the stories."""
     scene, memory, load, h, base = carried
     linear_terms, modal, _, forces, _ = scene
     work = memory.work
@@ -420,7 +510,8 @@ def _accelerate(carried, k, low, high):
         work[motion, n + 1 + i] = a
         work[motion, i] = a - ground
         before = story
-        work[row, i] = story + damped
+        if last_time:
+            work[row, i] = story + damped
 
 
 @inlined
