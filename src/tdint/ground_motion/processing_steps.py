@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import RecordError
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.processing import CORNERS, Processing
 from tdint.ground_motion.record import Record
 
@@ -199,10 +199,12 @@ def process(
     Raises
     ------
     UsageError
-        Values that make no sense for any record.
+        Values that make no sense for any record; what is none.
     RecordError
         A step does not fit this record: a trim outside it, a corner above its Nyquist frequency.
     """
+    if not isinstance(record, Record):
+        raise UsageError(f"process takes a record, as read_record gives it, got {record!r:.60}")
     both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
     return processed(record, Processing(trim, baseline, both, highpass, lowpass, corners, resample))
 
