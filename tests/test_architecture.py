@@ -115,6 +115,31 @@ def test_code_is_laid_out_by_the_formatter():
     assert len([path for path in skips if path.startswith("src")]) <= SKIPS
 
 
+def is_bare(node):
+    """A name bound to a number, or to a formula of numbers alone."""
+    value = getattr(node, "value", None) if isinstance(node, ast.Assign | ast.AnnAssign) else None
+    parts = list(ast.walk(value)) if isinstance(value, ast.Constant | ast.UnaryOp | ast.BinOp) else []
+    numbers = [part for part in parts if isinstance(part, ast.Constant) and type(part.value) in (int, float)]
+    return bool(numbers) and not any(isinstance(part, ast.Name | ast.Attribute) for part in parts)
+
+
+def test_a_constant_has_its_reason():
+    """Beside it, or with those that it stands among: why this number, or what it is of."""
+    bare = []
+    for _, path, tree in trees():
+        lines = (ROOT / path).read_text(encoding="utf-8").splitlines()
+        for node in filter(is_bare, tree.body):
+            first, last = node.lineno - 1, node.end_lineno
+            while first and lines[first - 1].strip():
+                first -= 1
+            while last < len(lines) and lines[last].strip():
+                last += 1
+            told = any(line.startswith(("#", '"""')) for line in lines[first:last])
+            if not told and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
+                bare.append(f"{path}:{node.lineno}")
+    assert bare == []
+
+
 @pytest.mark.parametrize("layer", [*LAYERS, "cli", "ground"])
 def test_functions_take_at_most_eight_arguments(layer):
     """But for kernels, which are entered with flat arguments, and what calls through an address."""

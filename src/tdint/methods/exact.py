@@ -22,7 +22,7 @@ from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 
-_SERIES_BELOW = 4.0
+_SERIES_BELOW = 4.0  # omega h: the closed form cancels below, 42 terms and more are needed above
 _TERMS = 18, 6.0  # and these times the largest omega h
 
 

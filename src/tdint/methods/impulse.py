@@ -28,7 +28,7 @@ from tdint.methods.method import Family, Method, Parameter
 # Coefficients
 BETA = 0
 
-_THETA = 0.5
+_THETA = 0.5  # of both ends alike
 _BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
 
 
@@ -161,7 +161,7 @@ def _limit(beta: float) -> float:
     return math.sqrt(min(roots))
 
 
-PUBLISHED = 1.0 / 144.0
+PUBLISHED = 1.0 / 144.0  # of the paper: no unstable band (`_limit`)
 
 FAMILY = Family(
     "impulse", step, lambda modes: _STORE + 6 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY), power_dampers=False

@@ -29,6 +29,7 @@ from tdint.kernels.stories.law_state import commit, reach, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
 _STRAYED = 0.1  # over the way of the drift: an event that is missed by more was not located
+# What `_miss` tells: the event is not reached, or something lies before it
 _SHORT = -1.0
 _BEYOND = 1.0
 _BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction

@@ -46,7 +46,7 @@ Table = tuple[tuple[float, ...], ...]
 # ---- Explicit: a step of s stages. Coefficients: s, then for each stage after the first, and for the end of the step,
 # its node and its row of A (for the end: 1 and b).
 
-_MOST_STAGES = 6
+_MOST_STAGES = 6  # of the methods here: rk5
 
 
 class _ExplicitRows(NamedTuple):

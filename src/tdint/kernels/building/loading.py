@@ -18,7 +18,7 @@ from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signatu
 from tdint.kernels.building.target import machine
 
 _FORM = "tdint object 2"
-_LONGEST_HEAD = 4096
+_LONGEST_HEAD = 4096  # bytes; ours have some hundred
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
 

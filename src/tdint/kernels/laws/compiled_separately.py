@@ -20,6 +20,8 @@ from tdint.kernels.laws.law import LawFunctions
 from tdint.kernels.laws.walking import branch_first
 
 _SIGNATURE = F8(I8, TABLE, TABLE, I8, I8, I8, F8)  # hook, laws, springs, i, past or block, trial, drift or event
+
+# The functions of a law by number, as `_HOOKS` lists them
 _FORCE = 0
 _RECOVERABLE = 1
 _DISSIPATED = 2

@@ -51,7 +51,7 @@ _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
 # some 1e-10 m, by the step alone, and would lose up to a fifth of its stiffness there. A tenth of what OpenSees' law
 # leaves out: forces this small are lost in those of any motion.
 _AT_REST = 1e-5
-_EQUAL = 1e-12
+_EQUAL = 1e-12  # stiffnesses that differ by rounding alone
 _NO_PINCHING = 1e-8  # a difference of the parts of force below which reloading does not pinch
 _FLAT = 1e-8  # over the stiffness
 

@@ -21,7 +21,7 @@ TAKEN = 6  # strides
 FASTEST = 7  # a unit over the longest step that follows the building's fastest mode
 DRIFTS = 8  # from here on what the stories' peak drifts are taken for at least, m
 
-_POWER = 5.0 / 3.0
+_POWER = 5.0 / 3.0  # with it a stride goes with the motion to the power of -5/12 (`march_in_strides`)
 _KEPT = 0.7  # of the pace, from one step to the next: it passes zero where all stories' do
 _DOUBLE = 1.0 / 24.0  # of what is allowed, below which a stride may be doubled; it then misses 16 times as much
 

@@ -29,9 +29,9 @@ RECURSION_ROWS = 8
 TERMS = 15
 """Most terms of a Taylor series: with omega h <= 1 less than 1e-9 is left out."""
 
-_LEAST = 5
-_LEFT_OUT = 2e-10
-_NEWTON = 30
+_LEAST = 5  # terms: the cubic and the two next ones
+_LEFT_OUT = 2e-10  # of the cubic term
+_NEWTON = 30  # kept between two values, so that it ends in any case
 _NEAR = 1e-4  # of a step: the last correction by Newton's method
 _CLOSE = 1e-5  # of a step: an error of the place, whose square is the error of the largest value
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))

@@ -36,9 +36,9 @@ RESULTS = 2
 NO_END = -1
 """Code: more changes of branch in a step than can be."""
 
-NEVER = -1.0
+NEVER = -1.0  # a time; none is negative
 
-_ORDER = 44
+_ORDER = 44  # terms at most: what is left is below 1e-18 before, for any step
 _EVENTS = 60  # within a step
 _FREE_STEPS = 600  # radians of free vibration after the motion
 

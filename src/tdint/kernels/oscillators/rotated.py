@@ -39,8 +39,8 @@ from tdint.kernels.stepping import Array
 ANGLES = 180
 """Directions, one degree apart from the first motion towards the second."""
 
-AXES = 6
-_SECTORS = 18
+AXES = 6  # 30 degrees apart: no displacement between two exceeds 1.04 times the larger one
+_SECTORS = 18  # 10 degrees each, in which few steps remain
 _SECTOR = ANGLES // _SECTORS
 _SECTORS_PER_WEDGE = _SECTORS // AXES  # between two axes
 _SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))

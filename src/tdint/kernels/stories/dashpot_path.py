@@ -15,8 +15,8 @@ from tdint.kernels.stepping import Array
 from tdint.kernels.stories import path
 
 STEADY = 0.5  # least rate over the largest up to which the rate itself will do
-STEADY_POINTS = 6
-POINTS = 12
+STEADY_POINTS = 6  # where the rate itself will do
+POINTS = 12  # towards rest, by the cube root of the rate: 1e-6 of the force
 
 
 class _Move(NamedTuple):

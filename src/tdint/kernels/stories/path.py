@@ -46,7 +46,7 @@ _ROUNDED = 1e-9
 _GOES_BACK = 1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
 MOST_POINTS = 16  # in one part of the path
-_USUAL_POINTS = 16.0
+_USUAL_POINTS = 16.0  # of laws that say nothing: as many as a part has
 _ENOUGH = 32e3  # points on any path: where an iteration runs away, laws would ask for millions
 
 

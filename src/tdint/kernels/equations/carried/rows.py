@@ -12,7 +12,7 @@ from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_sec
 from tdint.kernels.stepping import Array, Memory, Scene, Stretch
 from tdint.kernels.stories import error_path, path
 
-STATE_ROWS = 5
+STATE_ROWS = 5  # of a drift and of its error
 NODES = 24  # at most, within a step at which it is looked closely
 
 
