@@ -35,7 +35,10 @@ GROUPS = {
     },
     "Ground motions": {
         "info": ("info", "What ground-motion records are and how strong."),
-        "spectrum": ("spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
+        "spectrum": (
+            "spectrum",
+            "Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.",
+        ),
         "drift-spectrum": (
             "drift_spectrum",
             "Drift spectra: the largest story drifts of shear buildings.",

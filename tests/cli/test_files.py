@@ -128,8 +128,9 @@ def writing_commands() -> set[str]:
 
 
 def test_every_command_that_writes_is_here() -> None:
-    """But for `compile`, whose files are named by a hash of what is in them."""
-    assert writing_commands() - {"compile"} == {arguments[0] for arguments, _ in WRITING.values()}
+    """But for `compile`, whose files are named by a hash of what is in them, and `rerun`, which writes into an empty
+    folder alone."""
+    assert writing_commands() - {"compile", "rerun"} == {arguments[0] for arguments, _ in WRITING.values()}
 
 
 @pytest.mark.usefixtures("blank_pictures")
@@ -202,6 +203,7 @@ READING: dict[str, tuple[tuple[str, ...], int]] = {
     "compile": (("compile", "FIFO"), 3),
     "sensitivity": (("sensitivity", "FIFO", *MOTION, "--vary", "mass_factor=0.9:1.1"), 3),
     "plug-in": (("methods", "--plugin", "FIFO.py"), 2),
+    "what was written": (("rerun", "FIFO"), 2),
 }  # fmt: skip
 """Calls with a named pipe in the place of a file, and how they end."""
 
@@ -287,6 +289,7 @@ KEPT_SAFE: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "inventory -o": ("town", ".csv", ("inventory", "{read}", "--units", "ft", "-o", "{written}")),
     "inventory --models": ("town", ".yaml", ("inventory", "{read}", "--units", "ft", "--models", ".", "-o", "t.csv")),
     "info -o": ("motion", ".csv", ("info", *RECORD, "-o", "{written}")),
+    "info --export": ("motion", ".mseed", ("info", *RECORD, "--export", "{written}")),
     "info DIR": ("motion", ".mseed", ("info", "many", *UNITS, "-o", "{written}")),
     "spectrum -o": ("motion", ".csv", ("spectrum", *RECORD, "--period", "1", "-o", "{written}")),
     "spectrum --jobs": ("motion", ".mseed",
@@ -328,7 +331,7 @@ def test_every_file_option_that_is_written_is_tried() -> None:
             if isinstance(one.type, FileName) and one.type.written and one.opts[0] not in OF_ONE_MECHANISM:
                 assert (name, one.opts[0]) in tried | {("init", "file")}, name
     reading = {words[0] for _, _, words in KEPT_SAFE.values()}
-    assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile"}
+    assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile", "rerun"}
 
 
 @pytest.mark.usefixtures("blank_pictures")

@@ -14,7 +14,6 @@ from pathlib import Path, PurePosixPath
 
 from tdint.csv_table import read_table
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.reading.contents import plugins
 from tdint.units import Units, parse_units
 
 SampleUnits = str | Mapping[str, str]
@@ -131,6 +130,9 @@ def _pattern(name: str) -> str:
         It is neither.
     """
     if not _is_path(name):
+        # Formats are known with the readers, which a model that names none does without.
+        from tdint.ground_motion.reading.contents import plugins
+
         formats = [plugin.name for plugin in plugins()]
         if name.upper() not in formats:
             hint = did_you_mean(name.upper(), formats) or f"; known: {', '.join(formats)}"
