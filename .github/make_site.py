@@ -121,7 +121,9 @@ def command_page(name: str) -> str:
     """What `tdint NAME --help-all` says."""
     command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
     assert isinstance(command, Command)
-    context = click.Context(command, parent=click.Context(cli, info_name="tdint"), info_name=name)
+    context = click.Context(
+        command, parent=click.Context(cli, info_name="tdint", **cli.context_settings), info_name=name
+    )
     usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
     parts = [f"# tdint {name}", f"    {usage}", paragraphs(command.help or "")]
     parts += ["## Examples", "```sh\n" + "\n".join(command.examples) + "\n```"]

@@ -64,7 +64,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     lines = []
     for curve, style in zip(curves, _curve_styles(curves), strict=True):
         x = curve.dt_over_t
-        lines += _plot(radius, x, curve.spectral_radius, style)
+        lines += _plot(radius, x, np.minimum(curve.spectral_radius, _FAR_ABOVE), style)
         near = x <= _ACCURACY_RANGE * 1.01
         for axes, values in (
             (decay, curve.amplitude_decay),
@@ -151,6 +151,10 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     return styles
 
 
+# Of a spectral radius; its panel ends at 1.25. A line that goes up by 10^14 is spaced with markers without end.
+_FAR_ABOVE = 1e3
+
+
 def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
     """A line; matplotlib cannot space markers along one without a finite point."""
     if not np.any(np.isfinite(x) & np.isfinite(y)):
@@ -162,7 +166,7 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     """The spectral radius over dt/T."""
     labels = _curve_labels(curves)
     for curve, style, label in zip(curves, _curve_styles(curves), labels, strict=True):
-        _plot(axes, curve.dt_over_t, curve.spectral_radius, {**style, "label": label})
+        _plot(axes, curve.dt_over_t, np.minimum(curve.spectral_radius, _FAR_ABOVE), {**style, "label": label})
     _frame_radius(axes, curves)
     axes.legend(loc="best")
 
@@ -175,7 +179,7 @@ def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str
     for curve, style in zip(curves, _curve_styles(curves), strict=True):
         values = getattr(curve, quantity)
         if quantity == "spectral_radius":
-            lines += _plot(axes, curve.dt_over_t, values, style)
+            lines += _plot(axes, curve.dt_over_t, np.minimum(values, _FAR_ABOVE), style)
         else:
             near = curve.dt_over_t <= _ACCURACY_RANGE * 1.01
             lines += _plot(axes, curve.dt_over_t[near], 100.0 * values[near], style)
