@@ -63,6 +63,7 @@ def motions() -> None:
     tdint.rotated_spectrum(pair, periods, percentiles=[50]), tdint.rotated_spectrum([record, "b.mseed"], periods)
     tdint.constant_ductility("a.mseed", periods, [2.0]), tdint.constant_strength(record, periods, [0.1])
     tdint.drift_spectrum(Trace(), periods)
+    tdint.fourier_spectrum("b.mseed"), tdint.fourier_spectrum(record, smoothing=None)
     tdint.floor_spectra(tdint.run(model, record, history=True), ["roof", 1], periods)
     tdint.record_info(Trace())
     figure = tdint.spectrum(record, periods).plot()
