@@ -78,6 +78,8 @@ def test_examples_run(name, office, monkeypatch, tdint):
     if not Path("office.yaml").exists():
         assert tdint("init", "office.yaml", "--stories", "5", "--period", "0.8").exit_code == 0
         assert tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed").exit_code == 0
+    for written in Path().glob("loop.*") if name == "law" else ():  # by what is there for `rerun`, in whatever order
+        written.unlink()
     if name == "rerun" and not Path("loop.json").exists():
         assert tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv").exit_code == 0
     for example in command_of(name).examples:
