@@ -55,9 +55,9 @@ _COMMON = 0.75
 drifts in frames 1.2, 1.2 and 1.1 % are then off by more than twice what is told with a half, .8, .5 and .9 % with
 this; of all told errors 17 % are more than twice the true one in place of 14."""
 
-_FAINT, _FAINT_LINEAR = 0.2, 0.1
+_FAINT, _FAINT_LINEAR = 0.2, 0.3
 """Part of the largest of the stories' errors, over the peak, below which none is corrected: of the largest one the
-correction leaves a tenth in one run of ten, and of others as much; more where stories have kinks."""
+correction leaves a tenth in one run of ten, and of others as much. In linear buildings nothing else is asked."""
 
 _OF_STRUGGLE = 0.25
 """Part of what the usual passes of the error's iteration left to correct that is told of it, though more of them have

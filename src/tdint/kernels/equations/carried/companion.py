@@ -15,6 +15,7 @@ from tdint.kernels.equations.carried.rows import (
     correct,
     note_doubt,
     of_story,
+    same_slope,
     story_of,
     surely_keeps,
     turns_of,
@@ -22,7 +23,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end, raise_forces
 from tdint.kernels.equations.moment4 import ROW
-from tdint.kernels.laws.choosing import COUNTS_TURNS
+from tdint.kernels.laws.choosing import COUNTS_TURNS, CURVES, REMEMBERING
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stepping import Integrals
@@ -46,7 +47,7 @@ def follow_anew(scene, h, load, memory, base):
         work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
     left = 0.0
     for passed in range(PASSES):
-        _paths(carried, passed > 0)
+        _paths(carried, passed > 0 or not CURVES)
         _moments(carried)
         _bubbles(carried)
         add_loads(carried)
@@ -72,7 +73,7 @@ def follow_anew(scene, h, load, memory, base):
     if comes_near(carried, False)[0]:
         kind, low, high = passes(scene, h, load, memory, base, False)
         if kind > 0:
-            look_within(scene, h, load, memory, base, False, (2, low, high))
+            look_within(scene, h, load, memory, base, False, (2 if kind == 2 else 3, low, high))
     below = 0.0
     for i in range(n):
         c = n + 1 + i
@@ -95,14 +96,14 @@ def follow_anew(scene, h, load, memory, base):
 @inlined
 def _paths(carried, knowing):
     """Find the stories that are on the same linear branch in both motions, and follow the others, with their bubbles
-    once these are known."""
+    where these are known: at first those of linear branches."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
     n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         c = n + 1 + i
         damped = DASHPOTS and scene.linear_terms[at.POWER_DAMPER, i] != 0.0
-        calm = work[ROW.LEFT, i] == 0.0 and springs[at.SLOPE, i] == springs[at.SLOPE, c] and not damped
+        calm = work[ROW.LEFT, i] == 0.0 and same_slope(carried, i) and not damped
         if calm and surely_keeps(carried, i, story_of(carried, i)):
             work[base + OWN.CALM, i] = 1.0
             continue
@@ -134,7 +135,7 @@ def _moments(carried):
         )
         third = 0.0
         if work[base + OWN.CALM, i] != 0.0:
-            second += springs[at.SLOPE, i] * bend
+            second += springs[at.SLOPE, n + 1 + i] * bend
         second *= 0.5
         if work[base + OWN.CALM, i] == 0.0:
             second += work[base + OWN.PATH + RESULT.SECOND, n + 1 + i]
@@ -182,9 +183,14 @@ def _story_forces(carried):
         mean = geometric * (u - linear_terms[at.LINK, i] * below + 0.5 * rise - bend / 12.0 + even) + damper * rise
         moment = geometric * (rise + odd) + damper * (bend - 12.0 * even)
         if work[base + OWN.CALM, i] != 0.0:
-            slope = springs[at.SLOPE, i]
+            slope = springs[at.SLOPE, c]
             mean += springs[at.FORCE, c] - springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0 + even)
             moment += slope * (rise + odd)
+            if REMEMBERING:
+                more = slope - springs[at.SLOPE, i]
+                way = of_story(carried, ROW.RISE, i)
+                mean += more * (0.5 * way - of_story(carried, ROW.BEND, i) / 12.0)
+                moment += more * way
         else:
             out = base + OWN.PATH
             run_mean, run_moment = _of_run(carried, i)

@@ -31,6 +31,8 @@ from tdint.kernels.equations.carried.rows import (
     bubbles_of,
     first_row,
     note_doubt,
+    of_story,
+    same_slope,
     story_of,
     surely_keeps,
     turns_of,
@@ -38,7 +40,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW, solve
-from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS
+from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS, REMEMBERING
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories import error_path
 from tdint.kernels.stories.branches import advance
@@ -96,14 +98,14 @@ def _calm_bubbles(carried):
         bend = work[ROW.BEND, i]
         a1 = 12.0 * (0.5 * bend - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
         second = 0.5 * by_h * linear_terms[at.STORY_DAMPER, i] * (a1 - link * a1_below)
-        second += 0.5 * (linear_terms[at.GEOMETRIC, i] + springs[at.SLOPE, i]) * (bend - link * bend_below)
+        second += 0.5 * (linear_terms[at.GEOMETRIC, i] + springs[at.SLOPE, n + 1 + i]) * (bend - link * bend_below)
         if i > 0:
             work[base + OWN.EVEN, i - 1] = -square * inverse * (before - link * second + floor * a1_below) - ground
         work[base + OWN.A1, i] = a1
         if i < n:
             work[base + OWN.ODD, i] = -a1 / 60.0 - third
             if BENDING:
-                same &= (work[ROW.LEFT, i] == 0.0) & (springs[at.SLOPE, i] == springs[at.SLOPE, n + 1 + i])
+                same &= (work[ROW.LEFT, i] == 0.0) & same_slope(carried, i)
             if DASHPOTS:
                 same &= linear_terms[at.POWER_DAMPER, i] == 0.0
         inverse = linear_terms[at.INVERSE_MASS, i]
@@ -132,11 +134,16 @@ def _calm_unbalanced(carried):
             even = work[base + OWN.EVEN, i]
             odd = work[base + OWN.ODD, i]
             geometric = linear_terms[at.GEOMETRIC, i]
-            stiffness = geometric + springs[at.SLOPE, i]
+            stiffness = geometric + springs[at.SLOPE, n + 1 + i]
             bubble = even - link * even_below
             mean = springs[at.FORCE, n + 1 + i] - springs[at.FORCE, i]
             mean += geometric * (u - link * u_below) + stiffness * bubble
             moment = stiffness * (odd - link * odd_below) - by_h * linear_terms[at.STORY_DAMPER, i] * bubble
+            if REMEMBERING:
+                more = springs[at.SLOPE, n + 1 + i] - springs[at.SLOPE, i]
+                way = of_story(carried, ROW.RISE, i)
+                mean += more * (0.5 * way - of_story(carried, ROW.BEND, i) / 12.0)
+                moment += more * way
         if i > 0:
             speed = linear_terms[at.FLOOR_DAMPER, i - 1] * even_below
             speed -= linear_terms[at.MASS, i - 1] * state[at.ERROR_VELOCITY, i - 1]

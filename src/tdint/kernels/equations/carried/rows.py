@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.iteration import SAME_TANGENT
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
-from tdint.kernels.laws.choosing import COUNTING_TURNS, COUNTS_TURNS
+from tdint.kernels.laws.choosing import COUNTING_TURNS, COUNTS_TURNS, REMEMBERING
 from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_second, force_third
 from tdint.kernels.stepping import Array, Memory, Scene, Stretch
 from tdint.kernels.stories import error_path, path
 
 STATE_ROWS = 5  # of a drift and of its error
-NODES = 24  # at most, within a step at which it is looked closely
+NODES = 28  # at most, within a step at which it is looked closely: 10 events, and 3 pairs of parts beside theirs
 
 
 class _Rows(NamedTuple):
@@ -131,6 +132,18 @@ def story_of(carried, i):
     """The drift of story `i` in the corrected motion."""
     link = carried.scene.linear_terms[at.LINK, i]
     return relative(corrected(carried, i), corrected(carried, max(i - 1, 0)), link)
+
+
+@inlined
+def same_slope(carried, i):
+    """Whether story `i` has the stiffness of a linear branch in both motions: about, where laws remember what went
+    before, and that differs."""
+    scene, memory, _, _, _ = carried
+    springs = memory.springs
+    slope, other = springs[at.SLOPE, i], springs[at.SLOPE, scene.linear_terms.shape[1] + i]
+    if REMEMBERING:
+        return abs(other - slope) <= SAME_TANGENT * scene.law_parameters[at.STIFFNESS, i]
+    return slope == other
 
 
 @inlined

@@ -41,7 +41,7 @@ from tdint.kernels.stepping import Integrals
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.error_path import RESULT
 
-_EVENTS = 6  # that become nodes
+_EVENTS = 10  # that become nodes: stories of a tall building yield together
 _PAIRS = (3.0, 2.0)  # of equal parts in a step, and in a calm one
 
 # What values may go beyond where a parabola turns: parts of the change of their rate, and of the even bubble, of which
@@ -129,7 +129,7 @@ def comes_near(carried, calm):
     """Whether anything may come near its peak within the step, whose state is still that at its start; and whether all
     stories of the companion keep to their branches.
 
-    In most steps nothing does, which is found without a branch.
+    In most steps nothing does.
     """
     scene, memory, load, h, base = carried
     linear_terms = scene.linear_terms
@@ -151,8 +151,11 @@ def comes_near(carried, calm):
         a1 = work[base + OWN.A1, i]
         a0 = work[ROW.BEND, i] - 0.5 * a1
         even = abs(work[base + OWN.EVEN, i])
-        near |= _comes_near(floor.u, floor.v, floor.bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
-        near |= _comes_near(floor.v, a0, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
+        # Few turn, so that asking first is faster
+        if _turns(floor):
+            near |= _comes_near(floor.u, floor.v, floor.bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
+        if a0 * (a0 + a1) <= 0.0:
+            near |= _comes_near(floor.v, a0, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
         a = work[ROW.BEND, i] + ground
         a1 += jerk
         corner = 0.0 if calm else _corner(carried, i)
@@ -163,12 +166,14 @@ def comes_near(carried, calm):
         moved = _moved(carried, i, moved)
         most = max(abs(moved.start), abs(moved.end)) + _BULGES * abs(moved.even) + corner
         near |= most > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
-        start = springs[at.DRIFT, n + 1 + i]
-        near |= _comes_near(start, story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        if _turns(story):
+            start = springs[at.DRIFT, n + 1 + i]
+            near |= _comes_near(start, story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+            if BENDING:
+                force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
+                slope = slope if slope < math.inf else 0.0
+                near |= _comes_near(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
         if BENDING:
-            force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
-            slope = slope if slope < math.inf else 0.0
-            near |= _comes_near(force, slope * story.v, slope * story.bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
             still &= surely_keeps(carried, i, story)
         if DASHPOTS and scene.flags[at.DEVICES] != 0.0:
             fastest = max(abs(story.v), abs(story.v + story.bend))
@@ -188,14 +193,15 @@ def _comes_near(value, rate, change, more, peak):
 @called
 def passes(scene, h, load, memory, base, calm):
     """What may pass its peak within the step, if anything comes near one: nothing (0), accelerations or total shears at
-    its end (1), something inside (2); and the first and the last floor of which something does."""
+    its end (1), something inside (2), and accelerations or total shears besides (3); and the first and the last floor
+    of which something does."""
     carried = Carried(scene, memory, load, h, base)
     linear_terms = scene.linear_terms
     _, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     square = h * h
     peaks = base + OWN.PEAKS
-    turning = ending = False
+    turning = ending = shaking = False
     low, high = n, -1
     moved = _Moved(0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
@@ -213,11 +219,13 @@ def passes(scene, h, load, memory, base, calm):
         more = linear_terms[at.INVERSE_MASS, i] * (corner + corner_above)
         peak = square * work[peaks + at.PEAK_ACCELERATION, i] - more
         beyond, inside = _bulges(a0, a1, work[base + OWN.EVEN, i] + _of_ground(carried), peak)
+        shaking |= beyond | inside
         here |= inside
         end = beyond
         moved = _moved(carried, i, moved)
         peak = square * work[peaks + at.PEAK_TOTAL_SHEAR, i] - corner
         beyond, inside = _bulges(moved.start, moved.end, moved.even, peak)
+        shaking |= beyond | inside
         here |= inside
         end |= beyond
         passed = _beyond(springs[at.DRIFT, n + 1 + i], story.v, story.bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
@@ -231,7 +239,7 @@ def passes(scene, h, load, memory, base, calm):
         ending |= end
         low = i if here | end else low
         high = max(high, i) if here | end else high
-    return 2 if turning else 1 if ending else 0, low, high
+    return (3 if shaking else 2) if turning else 1 if ending else 0, low, high
 
 
 @inlined
@@ -270,12 +278,13 @@ def look_within(scene, h, load, memory, base, calm, passing):
     n = scene.linear_terms.shape[1] - 1
     count = _place(carried, calm, turning)
     by_h = 1.0 / h
-    # The bubbles know of no corner inside: there the accelerations are followed once more.
-    again = BENDING and not calm and turning
+    # The bubbles know of no corner inside: where accelerations may have a peak they are followed once more.
+    again = BENDING and not calm and kind > (1 if DASHPOTS else 2)
     first, last = (0, n - 1) if again else (low, high)
-    for k in range(count):
-        for i in range(0 if MODAL else max(first - 2, 0), n):
-            work[base + OWN.MOTION + k, i] = by_h * _rate(carried, work[base + OWN.FORCES + k, n], i)
+    for i in range(0 if MODAL else max(first - 2, 0), n):
+        floor, even, odd = corrected(carried, i), work[base + OWN.EVEN, i], work[base + OWN.ODD, i]
+        for k in range(count):
+            work[base + OWN.MOTION + k, i] = by_h * _rate(floor, even, odd, work[base + OWN.FORCES + k, n])
     for i in range(max(first - 1, 0), min(last + 2, n)):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         _force(carried, i, still, count)
@@ -320,6 +329,8 @@ def _place(carried, calm, turning):
                 )
                 for which in range(3):
                     t = times[which]
+                    if which == 2 and t == times[1]:
+                        continue
                     if which > 0 and 0.0 < t < 1.0:
                         t = _moved_by_bubbles(carried, i, t)
                     if 0.0 < t < 1.0 and events < _EVENTS:
@@ -372,25 +383,32 @@ def _follow_accelerations(carried, count):
         for k in range(count):
             way = _relative(work, row + k, i, link)
             rate = by_h * (work[row + k, n + 1 + i] - link * work[row + k, n + 1 + below])
-            before = by_h * (
-                _rate(carried, work[base + OWN.FORCES + k, n], i)
-                - link * _rate(carried, work[base + OWN.FORCES + k, n], below)
-            )
             spring = work[base + OWN.SLOPES + k, i] * way
-            more = linear_terms[at.GEOMETRIC, i] * way + linear_terms[at.STORY_DAMPER, i] * (rate - before)
+            more = linear_terms[at.GEOMETRIC, i] * way + linear_terms[at.STORY_DAMPER, i] * rate
             if DASHPOTS:
-                more += power_damper(linear_terms, i, rate)[0] - power_damper(linear_terms, i, before)[0]
+                before = by_h * _relative_rate(carried, i, work[base + OWN.FORCES + k, n])
+                more += power_damper(linear_terms, i, before + rate)[0] - power_damper(linear_terms, i, before)[0]
             work[base + OWN.FORCES + k, n + 1 + i] += spring
             work[base + OWN.FORCES + k, i] += spring + more
-    for k in range(count):
-        for i in range(n):
-            work[row + k, i] = by_h * work[row + k, n + 1 + i]
+    for i in range(n):
+        floor, even, odd = corrected(carried, i), work[base + OWN.EVEN, i], work[base + OWN.ODD, i]
+        for k in range(count):
+            before = _rate(floor, even, odd, work[base + OWN.FORCES + k, n])
+            work[row + k, i] = by_h * (before + work[row + k, n + 1 + i])
+
+
+@inlined
+def _relative_rate(carried, i, t):
+    """h times the drift rate of story `i` on the companion's path."""
+    even, odd = bubbles_of(carried, i)
+    return _rate(story_of(carried, i), even, odd, t)
 
 
 @inlined
 def _integrate(carried, i, count):
     """Where the accelerations of floor `i` at the nodes lead, in the rows MOTION: its way beyond that of the path in
-    their place, h times its rate in column n + 1 + i. A line of accelerations brings it to where the step does."""
+    their place, h times its rate beyond that in column n + 1 + i. A line of accelerations brings it to where the step
+    does."""
     _, memory, _, h, base = carried
     work = memory.work
     n = carried.scene.linear_terms.shape[1] - 1
@@ -414,7 +432,7 @@ def _integrate(carried, i, count):
         t = work[base + OWN.FORCES + k, n]
         path_way = t * (floor.rise + 0.5 * floor.bend * (t - 1.0)) + error_path.bubble((even, odd), t - 0.5)
         work[row + k, i] += t * t * (0.5 * level + tilt * (t / 6.0 - 0.25)) - path_way
-        work[row + k, n + 1 + i] += t * (level + 0.5 * tilt * (t - 1.0))
+        work[row + k, n + 1 + i] += t * (level + 0.5 * tilt * (t - 1.0)) - _rate(floor, even, odd, t)
 
 
 @inlined
@@ -461,13 +479,10 @@ def _force(carried, i, still, count):
 
 
 @inlined
-def _rate(carried, t, i):
-    """h times the velocity of a floor on the companion's path."""
-    base, work = carried.base, carried.memory.work
+def _rate(floor, even, odd, t):
+    """h times the velocity of a floor on the companion's path, from the factors of its bubbles."""
     s = t - 0.5
-    floor = corrected(carried, i)
-    even = 120.0 * s * (s * s - 0.25) * work[base + OWN.EVEN, i]
-    return floor.rise + s * floor.bend + even + (2.5 - 30.0 * s * s) * work[base + OWN.ODD, i]
+    return floor.rise + s * floor.bend + 120.0 * s * (s * s - 0.25) * even + (2.5 - 30.0 * s * s) * odd
 
 
 @inlined
