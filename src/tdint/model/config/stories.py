@@ -278,8 +278,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     law, stiffness_of_law = read_law(section.get("law"), unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
-
-    mass, tall = _read_mass(section, unit), height.number(scale=unit.length) if height else None
+    mass, story_height = _read_mass(section, unit), height.number(scale=unit.length) if height else None
 
     # The initial stiffness is that of the law, where this has one: another beside it must say the same.
     factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
@@ -293,7 +292,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         stiffness = stiffness_of_law
     story = Story(
         mass=mass,
-        height=tall,
+        height=story_height,
         stiffness=stiffness,
         law=law,
         dashpot=dashpot,
