@@ -302,7 +302,9 @@ class Store:
             They cannot be taken out.
         """
         with in_words(self.name):
+            # By checksums of the rows themselves, not by what the store says of them.
             bad = schema.damaged_chunks(self.connection)
+            # A chunk cut otherwise has other runs, whole as it may be.
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 bad |= {
@@ -369,10 +371,12 @@ class Store:
             "style": json.dumps(identity.style),
             "periods": json.dumps([item.subject().period for item in identity.buildings if item.is_model]),
         }
+        # Most calls say what is there already: nothing is written then, and others can read on.
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
         same = all(self._known(key) == value for key, value in values.items())
         if same and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
+        # All or nothing, sealed in the same transaction, so that no reader finds half of it.
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
@@ -386,6 +390,7 @@ class Store:
         """Keep the columns of an inventory that are carried along: other ones change no run."""
         columns = identity.buildings[0].columns
         cells = [building.cells for building in identity.buildings] if columns else []
+        # A digest tells whether they are those that are kept, without reading these.
         whole = hashlib.sha256(json.dumps(columns).encode())
         for cell in cells:
             whole.update(cell.encode())
