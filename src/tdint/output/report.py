@@ -150,9 +150,15 @@ def _part(part: Part) -> str:
         return f"<p{kept}>{_said(part)}</p>"
     if isinstance(part, Table):
         return _table(part)
-    if isinstance(part, Picture):
-        return f"<figure>{_image(part)}<figcaption>{escape(part.caption)}</figcaption></figure>"
-    return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
+    if not isinstance(part, Picture):
+        return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
+    # Lines of thousands of points make a drawing larger than its pixels.
+    kind, content = "svg+xml", _drawn(part, ".svg")
+    if len(content) > _LARGE:
+        kind, content = "png", _drawn(part, ".png")
+    data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
+    image = f'<img alt="{caption}" src="data:image/{kind};base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
 def _said(text: str) -> str:
@@ -169,14 +175,6 @@ def _once(texts: Iterable[str]) -> list[str]:
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
-def _image(picture: Picture) -> str:
-    kind, content = "svg+xml", _drawn(picture, ".svg")
-    if len(content) > _LARGE:
-        kind, content = "png", _drawn(picture, ".png")
-    data = base64.b64encode(content).decode("ascii")
-    return f'<img alt="{escape(picture.caption)}" src="data:image/{kind};base64,{data}">'
-
-
 def _drawn(picture: Picture, end: str) -> bytes:
     stream = io.BytesIO()
     figures.style.picture(end, picture.draw)(stream)
@@ -186,39 +184,28 @@ def _drawn(picture: Picture, end: str) -> bytes:
 def _table(table: Table) -> str:
     """A table with its units in the heading and drift ratios in percent, columns without any value left out; one that
     is wider than a page goes on below with its first column again."""
-    table = _in_percent(table)
-    kept = [i for i in range(len(table.columns)) if any(_shown(row[i]) for row in table.rows)]
-    parts = [kept[:MOST_COLUMNS]]
-    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
-        parts.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
-    return "\n".join(_part_of_table(table, part) for part in parts)
-
-
-def _in_percent(table: Table) -> Table:
-    """The same with its drift ratios in percent."""
     ratios = [name for name in table.columns if "drift_ratio" in name]
-    if not ratios:
-        return table
     factors = [0.01 if name in ratios else 1.0 for name in table.columns]
-    rows = [tuple(map(converted, row, factors)) for row in table.rows]
-    return Table(table.columns, rows, table.meanings | {name: {"meaning": "", "unit": "%"} for name in ratios})
-
-
-def _part_of_table(table: Table, kept: Sequence[int]) -> str:
-    words = {i for i in kept if table.meanings.get(table.columns[i], {}).get("unit", TEXT) == TEXT}
-    side = {i: ' class="d"' if table.columns[i] == _DIGEST else ' class="t"' if i in words else "" for i in kept}
-    head = "".join(f"<th{side[i]}>{escape(_heading(table, i))}</th>" for i in kept)
-    rows = ("".join(f"<td{side[i]}>{escape(_shown(row[i]))}</td>" for i in kept) for row in table.rows)
-    lines = "\n".join(f"<tr>{cells}</tr>" for cells in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>"
-
-
-def _heading(table: Table, i: int) -> str:
-    name = table.columns[i]
-    unit = table.meanings.get(name, {}).get("unit", TEXT)
-    error = " error" * name.endswith("_error")
-    bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-    return f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")
+    cells = [[_shown(cell) for cell in map(converted, row, factors)] for row in table.rows]
+    # A heading is the name of its column in words, the unit in brackets; words and digests stand on the left.
+    heads, sides = [], []
+    for name in table.columns:
+        unit = "%" if name in ratios else table.meanings.get(name, {}).get("unit", TEXT)
+        error = " error" * name.endswith("_error")
+        bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
+        heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
+        sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
+    kept = [i for i in range(len(heads)) if any(row[i] for row in cells)]
+    widths = [kept[:MOST_COLUMNS]]
+    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
+        widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
+    tables = []
+    for columns in widths:
+        head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
+        rows = ("".join(f"<td{sides[i]}>{escape(row[i])}</td>" for i in columns) for row in cells)
+        lines = "\n".join(f"<tr>{row}</tr>" for row in rows)
+        tables.append(f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>")
+    return "\n".join(tables)
 
 
 def _shown(cell: Cell) -> str:
@@ -396,7 +383,7 @@ def suite_page(
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
         Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
-        *(Chapter(f"Over the motions: {_with_level(item)}", _of_level(item, units)) for item in profiles),
+        *(_over_motions(item, units) for item in profiles),
         Chapter("Damage", _damage(store)),
         Chapter("Spectra of floors", (spectra,) if floors else ()),
         *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
@@ -410,17 +397,16 @@ def suite_page(
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
 
-def _with_level(profile: Profile) -> str:
-    return ", ".join(filter(None, [profile.building, profile.level_text]))
-
-
-def _of_level(profile: Profile, units: OutputUnits) -> tuple[Part, ...]:
+def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
     """Means and largest values of a building, and where they were estimated their errors."""
-    told = not np.isnan(profile.height).any()
-    values = profile_table(profile, ("peak_drift_ratio" if told else "peak_drift", *_OF_SUITE), units)
-    if not profile.peak_errors:
-        return (values,)
-    return values, _ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))
+    has_heights = not np.isnan(profile.height).any()
+    parts: list[Part] = [
+        profile_table(profile, ("peak_drift_ratio" if has_heights else "peak_drift", *_OF_SUITE), units)
+    ]
+    if profile.peak_errors:
+        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
+    building = ", ".join(filter(None, [profile.building, profile.level_text]))
+    return Chapter(f"Over the motions: {building}", parts)
 
 
 def _compared(ratios: Table) -> Table:

@@ -10,7 +10,7 @@ from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
-from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
@@ -18,7 +18,6 @@ from tdint.units import suffix
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import (
         Collapse,
-        Energy,
         ErrorEstimate,
         FailedRun,
         Response,
@@ -109,6 +108,8 @@ def run_summary(
     settings : mapping, optional
         Settings of the command line beside those of the model.
     """
+    energy = response.energy
+    moving = int(response.moving_drift.argmax())
     content = {
         "schema": schema("run"),
         "status": response.status,
@@ -125,11 +126,19 @@ def run_summary(
         "time_loop_s": response.march_time,
         "time_loop_clock": CLOCKS[clock()],
         "building": _building(response.model, first),
-        "energy": _energy(response.energy),
+        "energy": {
+            "start_J": energy.start,
+            **{f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS},
+            "error": energy.error,
+        },
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
         **({"shocks": [_shock(shock) for shock in response.shocks]} if response.shocks else {}),
-        "at_end": _at_end(response),
+        "at_end": {
+            "moving_drift_m": float(response.moving_drift[moving]),
+            "moving_drift_story": moving + 1,
+            "rest_s": response.rest_time,
+        },
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         **_damage(response),
@@ -224,11 +233,15 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "stories": len(model.stories),
-        "p_delta": model.p_delta,
-        "damping": _damping(model.damping),
-    }
+    damping: dict[str, Any] | None = None
+    match model.damping:
+        case RayleighCoefficients(mass, stiffness):
+            damping = {"type": "rayleigh", "mass_1_s": mass, "stiffness_s": stiffness}
+        case RayleighRatio(ratios, modes):
+            damping = {"type": "rayleigh", "ratios": list(ratios), "modes": list(modes)}
+        case ModalDamping(ratios):
+            damping = {"type": "modal", "ratios": list(ratios)}
+    content: dict[str, Any] = {"stories": len(model.stories), "p_delta": model.p_delta, "damping": damping}
     if first is not None:
         content |= {"t1_s": first.period, "t1_damping": first.damping}
         if first.sa is not None:
@@ -236,34 +249,10 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
     return content
 
 
-def _damping(damping: Damping) -> dict[str, Any] | None:
-    if damping is None:
-        return None
-    if isinstance(damping, RayleighCoefficients):
-        return {"type": "rayleigh", "mass_1_s": damping.mass, "stiffness_s": damping.stiffness}
-    if isinstance(damping, ModalDamping):
-        return {"type": "modal", "ratios": list(damping.ratios)}
-    return {"type": "rayleigh", "ratios": list(damping.ratios), "modes": list(damping.modes)}
-
-
-def _at_end(response: Response) -> dict[str, Any]:
-    story = int(response.moving_drift.argmax())
-    return {
-        "moving_drift_m": float(response.moving_drift[story]),
-        "moving_drift_story": story + 1,
-        "rest_s": response.rest_time,
-    }
-
-
 def _shock(shock: Shock) -> dict[str, Any]:
     errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
     record = motion_summary(shock.record)
     return {"record": record, "start_s": shock.start, "peaks": peaks(shock.stories), "errors": errors}
-
-
-def _energy(energy: Energy) -> dict[str, float]:
-    terms = {f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS}
-    return {"start_J": energy.start, **terms, "error": energy.error}
 
 
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:

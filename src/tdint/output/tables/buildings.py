@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
-    from tdint.kernels.laws.law import LawParameter
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
@@ -251,26 +250,26 @@ def _of_stories(model: Model, name: str) -> Array:
 def law_words(story: Story, units: OutputUnits = SI) -> str:
     """The law of a story with its parameters, named as in a model file; those are left out that say nothing by
     themselves: what they are where a file has none of them, or a negative side like the positive one."""
-    numbers, told = iter(story.law.parameters), []
+    numbers = iter(story.law.parameters)
+    described: list[str] = []
     words: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[story.law.name].parameters:
         values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
         usual = words[parameter.default] if isinstance(parameter.default, str) else (parameter.default,)
         words.setdefault(parameter.name, values)
-        if values not in (usual, (parameter.without,)):
-            told.append(f"{parameter.path} {_parameter_words(parameter, values, units)}")
+        if values in (usual, (parameter.without,)):
+            continue
+        # The points of a backbone, force at drift; the numbers of a list; or a single one.
+        if parameter.points:
+            points = zip(values[::2], values[1::2], strict=True)
+            text = ", ".join(f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points)
+        elif parameter.many:
+            text = ", ".join(_in_units(value, 1, -j, units) for j, value in enumerate(values, start=1))
+        else:
+            text = _in_units(values[0], parameter.force, parameter.length, units)
+        described.append(f"{parameter.path} {text}")
     isolator = "; isolator" if story.isolator else ""
-    return story.law.name + (f": {', '.join(told)}" if told else "") + isolator
-
-
-def _parameter_words(parameter: LawParameter, values: Sequence[float], units: OutputUnits) -> str:
-    """A number with its unit, the numbers of a list, or the points of a backbone, force at drift."""
-    if parameter.points:
-        points = zip(values[::2], values[1::2], strict=True)
-        return ", ".join(f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points)
-    if parameter.many:
-        return ", ".join(_in_units(value, 1, -j, units) for j, value in enumerate(values, start=1))
-    return _in_units(values[0], parameter.force, parameter.length, units)
+    return story.law.name + (f": {', '.join(described)}" if described else "") + isolator
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
@@ -285,22 +284,20 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
 
 
-def _dashpot_words(story: Story, units: OutputUnits) -> str:
-    """Force over the rate of drift v: of a dashpot, or of one that follows a power law."""
-    power = story.power_dashpot
-    coefficient, exponent = (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
-    if not coefficient:
-        return ""
-    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
-    law = "v" if exponent == 1.0 else f"v^{exponent:g}"
-    return f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
-
-
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
     """One row per story, from the ground up."""
     numbers = Table.of_results(MODEL, [model]).in_units(units)
-    words = [(law_words(story, units), _dashpot_words(story, units)) for story in model.stories]
-    rows = [(*row, *said) for row, said in zip(numbers.rows, words, strict=True)]
+    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
+    rows = []
+    for row, story in zip(numbers.rows, model.stories, strict=True):
+        # Force over the rate of drift v: of a dashpot, or of one that follows a power law.
+        power = story.power_dashpot
+        coefficient, exponent = (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
+        dashpot = ""
+        if coefficient:
+            law = "v" if exponent == 1.0 else f"v^{exponent:g}"
+            dashpot = f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
+        rows.append((*row, law_words(story, units), dashpot))
     return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
 
 
@@ -359,12 +356,13 @@ def _by_event(columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequ
 # ---- Tables of runs: stories, shocks, histories
 
 
-def _counted(result: Any) -> Any:
-    return np.arange(1, result.peak_drift.size + 1)
-
-
 STORY = (
-    Column("story", "1", _counted, "story, or the floor above it, from 1 at the ground"),
+    Column(
+        "story",
+        "1",
+        lambda stories: np.arange(1, stories.peak_drift.size + 1),
+        "story, or the floor above it, from 1 at the ground",
+    ),
     Column("height_m", "m", "height", "story height"),
     *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
 )

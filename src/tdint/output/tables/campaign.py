@@ -189,14 +189,18 @@ def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
     return list(dict.fromkeys(name for values in varied for name in values))
 
 
-def _word(name: str) -> str:
-    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself."""
-    return name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_")
-
-
 def varied_columns(names: Iterable[str]) -> list[Column]:
     """Of what was varied from building to building, by name."""
-    return [Column(_word(name), "1", name, parameter_meaning(name)) for name in names]
+    # `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself.
+    return [
+        Column(
+            name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_"),
+            "1",
+            name,
+            parameter_meaning(name),
+        )
+        for name in names
+    ]
 
 
 def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
@@ -365,7 +369,15 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
     headed = [units.column(column.name, column.unit) for column in columns]
     waiting = iter([[harmless(name) for name, _ in headed]])
-    source = iter(rows if units == SI else _converted(rows, [factor for _, factor in headed]))
+    if units != SI:
+        rows = (
+            [
+                cell / factor if factor != 1.0 and isinstance(cell, float) else cell
+                for cell, (_, factor) in zip(row, headed, strict=True)
+            ]
+            for row in rows
+        )
+    source = iter(rows)
     while True:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -375,15 +387,6 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
         if not batch:
             return
         waiting = iter([[number_text(cell) for cell in row] for row in batch])
-
-
-def _converted(rows: Iterable[list[Any]], factors: list[float]) -> Iterator[list[Any]]:
-    """The rows with their numbers over the units' values in SI."""
-    for row in rows:
-        yield [
-            cell / factor if factor != 1.0 and isinstance(cell, float) else cell
-            for cell, factor in zip(row, factors, strict=True)
-        ]
 
 
 def number_text(cell: Any) -> str:

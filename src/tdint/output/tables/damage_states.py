@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.campaign.fragility.runs import BuildingDamage, TypeDamage, building_damages, group_damages, stored_states
+from tdint.campaign.fragility.runs import TypeDamage, building_damages, group_damages, stored_states
 from tdint.campaign.store import Store
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
@@ -106,7 +106,9 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
     carried = carried_cells(store)
     for of in building_damages(store):
         head, kind = cell_text(of.building), cell_text(of.type)
-        cells = zip(of.keys, of.status, of.demand.tolist(), of.state, _numbers(of).tolist(), strict=True)
+        # Probabilities and losses of the runs, a row of each.
+        damage = np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())]).tolist()
+        cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
             yield [
                 head,
@@ -120,11 +122,6 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
                 *numbers,
                 *carried(of.number, sample),
             ]
-
-
-def _numbers(of: BuildingDamage) -> Any:
-    """Probabilities and losses of the runs, a row of each."""
-    return np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())])
 
 
 def damage_summary(store: Store) -> dict[str, Any]:

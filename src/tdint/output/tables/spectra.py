@@ -23,14 +23,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import SpectrumDifference
 
 
-def _units(info: Any) -> str:
-    return f"{info.record.units} ({info.record.units_from})"
-
-
-def _remarks(info: Any) -> str:
-    return "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes))
-
-
 INFO = (
     *OF_RECORD,
     Column("id", "text", lambda info: info.record.id if info.record.id.strip(".") else "", "full id of the channel"),
@@ -38,7 +30,12 @@ INFO = (
     Column("samples", "1", "record.acceleration.size", "samples"),
     Column("dt_s", "s", "record.dt", "sampling interval"),
     Column("duration_s", "s", "record.duration", "time from the first to the last sample"),
-    Column("units", "text", _units, "units of the file's samples and how they are known"),
+    Column(
+        "units",
+        "text",
+        lambda info: f"{info.record.units} ({info.record.units_from})",
+        "units of the file's samples and how they are known",
+    ),
     Column("pga_m_s2", "m/s^2", "measures.pga", "peak ground acceleration"),
     Column("pgv_m_s", "m/s", "measures.pgv", "peak ground velocity"),
     Column("pgd_m", "m", "measures.pgd", "peak ground displacement"),
@@ -51,7 +48,12 @@ INFO = (
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
     Column("leading_zeros", "1", "measures.leading_zeros", "samples at the start that are zero"),
     Column("trailing_zeros", "1", "measures.trailing_zeros", "samples at the end that are zero"),
-    Column("notes", "text", _remarks, "remarks"),
+    Column(
+        "notes",
+        "text",
+        lambda info: "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes)),
+        "remarks",
+    ),
 )
 
 MOTION = (

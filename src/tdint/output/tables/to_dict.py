@@ -192,10 +192,6 @@ def _of(columns: Sequence[Column], result: Any) -> _Values:
     return [(column, column.of(result)) for column in columns]
 
 
-def _of_record(columns: Sequence[Column], result: Any) -> _Values:
-    return _of((*OF_RECORD, *columns), result)
-
-
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
     return partial(Table.of_results, columns)
 
@@ -234,7 +230,7 @@ _values.register(Response, lambda result: buildings.response_table(result).by_co
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
 for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):
-    _values.register(_spectrum, partial(_of_record, columns_of(_spectrum)))
+    _values.register(_spectrum, partial(_of, (*OF_RECORD, *columns_of(_spectrum))))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(ModalResponse, lambda result: _of(buildings.MODAL_RESPONSE, result))
 _values.register(TargetDisplacement, lambda result: _of(buildings.TARGET_DISPLACEMENT, result))
@@ -251,12 +247,12 @@ def _(result: Runs) -> _Values:
         for name, column in demand_columns(stories).items():
             demands[name][runs] = column
     return [
-        (OF_RUNS["building"], np.array([one.name for one in result.models])[result.model]),
-        (OF_RUNS["record"], np.array([one.source for one in result.records])[result.record]),
-        (OF_RUNS["component"], np.array([one.component for one in result.records])[result.record]),
+        (OF_RUNS["building"], np.array([model.name for model in result.models])[result.model]),
+        (OF_RUNS["record"], np.array([record.source for record in result.records])[result.record]),
+        (OF_RUNS["component"], np.array([record.component for record in result.records])[result.record]),
         (OF_RUNS["method"], np.array(result.methods)[result.model]),
         *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
-        *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
+        *((OF_RUNS[name], getattr(result, name)) for name in ("scale", "dt", "status", "energy_error", "steps")),
         *((OF_RUNS[name], values) for name, values in demands.items()),
         *_estimated(result),
     ]
@@ -279,7 +275,7 @@ def _estimated(result: Runs) -> _Values:
 
 def _one(values: Any, *, run: int, stories: int) -> Any:
     """The values of a run of several."""
-    return type(values)(**{one.name: getattr(values, one.name)[run, :stories] for one in fields(values)})
+    return type(values)(**{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)})
 
 
 @_values.register
@@ -303,6 +299,6 @@ def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
     for place, columns in buildings.history_groups(error):
-        found = [column.of(result) for column in columns]
-        values += [one[:, i] for i in range(stories) for one in found] if place else found
+        arrays = [column.of(result) for column in columns]
+        values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
     return list(zip(buildings.history_columns(stories, error), values, strict=True))
