@@ -136,6 +136,7 @@ def carry_out(case: ValidationCase) -> ValidationResult:
         A run that the case needs failed.
     """
     computed = np.asarray(case.computed(), float)
+    # Numbers that do not answer one another are a fault of the case, not of the program.
     published = np.asarray(case.published, float)
     if computed.shape != published.shape:
         raise ValueError(f"{case.name}: {computed.size} numbers for {published.size}")
@@ -204,6 +205,7 @@ def _energy_kept() -> Array:
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     history = _oscillator("moment4", 0.05, 10.0, **start).history
     assert history is not None
+    # Kinetic energy, and the potential of 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
     return np.array([np.max(np.abs(energy / energy[0] - 1.0))])

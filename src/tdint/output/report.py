@@ -119,6 +119,7 @@ class Told:
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
     """The page, UTF-8: title, head, a sentence about it, warnings, chapters; and the versions that made it."""
+    # Sixteen digits of a plug-in's digest tell its versions apart.
     of_all = versions()
     code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
     made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
@@ -129,6 +130,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     body.append(f"<p>{escape(about)}</p>")
     body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in _once(told.warnings)]
     for chapter in chapters:
+        # What there is nothing to say of has no heading.
         if any(_has(part) for part in chapter.parts):
             body += [f"<h2>{escape(chapter.title)}</h2>", *(_part(part) for part in chapter.parts if _has(part))]
     body.append(f"<h2>Versions</h2><p>{escape(made)}</p>")
@@ -196,6 +198,7 @@ def _table(table: Table) -> str:
         heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
         sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
     kept = [i for i in range(len(heads)) if any(row[i] for row in cells)]
+    # The first column says which row it is, on each width.
     widths = [kept[:MOST_COLUMNS]]
     for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
         widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
@@ -320,9 +323,11 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
     if check is None or check.drift_error is None:
         return ("The error of the time integration was not estimated; --check does.",)
     cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
+    # Ratios have the errors of their drifts, in percent the same ones.
     drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
     shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
     for name in shown:
+        # A residual drift may be next to nothing, and its error a large part of that.
         over = cells[drift if name.startswith("residual") else name]
         columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
     labels = [_quantity(whole, name) for name in shown]
@@ -358,7 +363,7 @@ def suite_page(
     ----------
     store : Store
         All runs of the plan, done.
-    found : sequence of Profile
+    profiles : sequence of Profile
         Of each building and level.
     ratios : Table, optional
         The buildings over a baseline.
@@ -374,11 +379,13 @@ def suite_page(
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
     spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
+    # Of many buildings the first ones: a page is read, not searched.
     models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
     methods = ", ".join(dict.fromkeys(item.method for item in models))
     step_given = plan.settings.dt
     step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
+    # What scaling and records leave doubtful stands at the top, as a warning.
     scaled, doubts = _scaling(plan, units)
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
@@ -439,6 +446,7 @@ def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
         factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
+        # Each motion's smallest factor belongs to the first level, whatever its size.
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
     return [
@@ -463,6 +471,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
         return (), []
     if not plan.scaled:
         return (f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",), []
+    # In the words of the command: target or measure, rule, range, damping, pairs.
     settings = plan.scaled["settings"]
     aim = settings["target"] or " ".join(
         f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split() if settings["measure"] else ()
@@ -481,6 +490,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
         wholes = {id(motion.whole): (motion.whole, plan.levels.by_motion[i]) for i, motion in enumerate(plan.motions)}
+        # Several factors for a motion are several suites, which one picture does not show.
         if all(len(factors) == 1 for _, factors in wholes.values()):
             scaling = Scaling(
                 tuple(whole for whole, _ in wholes.values()),
@@ -505,12 +515,14 @@ def _motions(
     parts: list[Part] = list(scaled)
     drawn = any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
+        # Factors that are all alike are told once.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
         times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its factor"
         said = "" if factors == {1.0} else f", {times}"
         parts += [f"Level {number} of {len(levels)}{said}:"] * (len(levels) > 1)
         parts.append(motion_table(records, component_names(records)).in_units(units))
+        # More spectra than these in one picture are a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]

@@ -109,6 +109,7 @@ def run_summary(
         Settings of the command line beside those of the model.
     """
     energy = response.energy
+    # The story that still moves most.
     moving = int(response.moving_drift.argmax())
     content = {
         "schema": schema("run"),
@@ -196,6 +197,7 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
+    # Settings are as they were given, and mean what the help says.
     names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
@@ -204,6 +206,7 @@ def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
     """Keys of numbers, and of lists of them, however deep."""
     for key, value in content.items():
         parts = value if isinstance(value, list) else [value]
+        # Of shocks and outcomes one may have numbers that another one lacks.
         if parts and isinstance(parts[0], Mapping):
             for part in parts:
                 yield from _numbers(part)
@@ -221,6 +224,7 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
     for demand in DEMANDS:
         largest = only(demand.of(stories))
         result[demand.column] = None if math.isnan(largest.value) else largest.value
+        # A demand of one story by its definition needs no place beside it.
         if demand.story is None:
             result[demand.of_place] = largest.place
     return result
@@ -242,6 +246,7 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
         case ModalDamping(ratios):
             damping = {"type": "modal", "ratios": list(ratios)}
     content: dict[str, Any] = {"stories": len(model.stories), "p_delta": model.p_delta, "damping": damping}
+    # Without a first mode, or a record, there is no spectral acceleration at its period.
     if first is not None:
         content |= {"t1_s": first.period, "t1_damping": first.damping}
         if first.sa is not None:
@@ -277,6 +282,7 @@ def _damage(response: Response) -> dict[str, Any]:
     """The damage that the model's states tell; nothing without any."""
     if response.model.damage is None:
         return {}
+    # Not above: runs of buildings without states need none of it.
     from tdint.campaign.fragility.runs import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)

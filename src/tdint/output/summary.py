@@ -91,6 +91,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
     from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
+    # From the store, not the files: these may be gone, or others by now.
     records = store.connection.execute(
         "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records ORDER BY id"
     )
@@ -145,6 +146,7 @@ def in_units(
 def _converted(content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in content.items():
+        # Settings stay as they were typed; what columns mean changes with their units.
         if key == "settings":
             result[key] = {**value, "output_units": str(units)}
         elif key in ("columns", "meanings") and isinstance(value, Mapping):
@@ -193,6 +195,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float | np.floating):
+        # As in tables; JSON has no nan.
         return float(format(value + 0.0, ".12g")) if math.isfinite(value) else None
     return value
 
@@ -220,6 +223,7 @@ def motion_summary(record: Record) -> dict[str, Any]:
 
 def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
     """Inputs of several parts, each once, by name."""
+    # A file that several parts have read stands there once.
     merged = {(given["file"], given["sha256"]): dict(given) for inputs in some for given in inputs}
     return [merged[key] for key in sorted(merged)]
 
@@ -322,6 +326,7 @@ def field_summary(
             }
             for case in chart.measured
         ],
+        # What stands in the lists of points: a field has thousands, and each would name its numbers.
         "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{name}_error" for name in _OF_PEAKS)],
         "recommended": chart.leaders()._asdict(),
         "timing": _timing(chart.timing),
@@ -380,6 +385,7 @@ def comparison_summary(
     """
     from tdint.output.tables.buildings import comparison_table, fitted_table
 
+    # Values and what their columns mean, in the units of the output.
     fit: dict[str, Any] | None = None
     if fitted is not None:
         table = fitted_table(fitted.values, units)

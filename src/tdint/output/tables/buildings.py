@@ -24,6 +24,7 @@ from tdint.output.tables.table import (
     corrected_columns,
     describe,
     error_columns,
+    part,
     rows_of,
 )
 from tdint.units import SI, OutputUnits, quantities
@@ -50,10 +51,6 @@ CYCLIC = (
     Column("recoverable_energy_J", "J", "path.recoverable", "energy that the law stores"),
     Column("dissipated_energy_J", "J", "path.dissipated", "energy dissipated so far"),
 )
-
-
-def _of_backbone(name: str, point: int) -> Callable[[Any], Any]:
-    return lambda curve: getattr(curve.building, name)[:, point]
 
 
 _SHEAR_BEAM = Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building")
@@ -87,7 +84,10 @@ OF_CLASSES = (
     *_OF_STORIES,
     *(
         Column(
-            f"{name}_{point + 1}_{unit}", unit, _of_backbone(of, point), f"{name} of point {point + 1} of the backbone"
+            f"{name}_{point + 1}_{unit}",
+            unit,
+            part(f"building.{of}", np.s_[:, point]),
+            f"{name} of point {point + 1} of the backbone",
         )
         for point in range(4)
         for name, unit, of in (("drift", "m", "drifts"), ("force", "N", "forces"))
@@ -98,16 +98,15 @@ OF_CLASSES = (
 
 def pushover(stories: int) -> tuple[Column, ...]:
     """The columns of a pushover of a building with so many stories."""
-
-    def drift(i: int) -> Callable[[Any], Any]:
-        return lambda result: result.drift[:, i]
-
     return (
         Column("step", "1", lambda result: np.arange(result.base_shear.size), "step; 0 is the start at rest"),
         Column("roof_displacement_m", "m", "roof_displacement", "relative to the ground"),
         Column("roof_drift_ratio", "1", "roof_drift_ratio", "roof displacement over the height of the building"),
         Column("base_shear_N", "N", "base_shear", "sum of the forces on the floors"),
-        *(Column(f"story_{i + 1}_drift_m", "m", drift(i), "relative to the floor below") for i in range(stories)),
+        *(
+            Column(f"story_{i + 1}_drift_m", "m", part("drift", np.s_[:, i]), "relative to the floor below")
+            for i in range(stories)
+        ),
     )
 
 
@@ -131,8 +130,8 @@ TARGET_DISPLACEMENT = (
     Column("yield_force_N", "N", "yield_force", "base shear at which the idealized curve yields"),
     Column("yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"),
     Column("strength_ratio", "1", "strength_ratio", "elastic force over yield force"),
-    Column("c1", "1", lambda made: made.factors[0], "C1; with n2 the displacement over the elastic one"),
-    Column("c2", "1", lambda made: made.factors[1], "C2; 1 with n2"),
+    Column("c1", "1", part("factors", 0), "C1; with n2 the displacement over the elastic one"),
+    Column("c2", "1", part("factors", 1), "C2; 1 with n2"),
 )
 
 
@@ -255,6 +254,7 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
     words: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[story.law.name].parameters:
         values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
+        # A default may be another parameter's value, which stands before it.
         usual = words[parameter.default] if isinstance(parameter.default, str) else (parameter.default,)
         words.setdefault(parameter.name, values)
         if values in (usual, (parameter.without,)):
@@ -280,6 +280,7 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
         name, factor = units.unit(si)
         value /= factor**power
         (above if power > 0 else below).extend([name if abs(power) == 1 else f"{name}^{abs(power)}"] * bool(power))
+    # Powers above and below the stroke, so that a stiffness is in kN/m.
     unit = "/".join(["*".join(above) or "1", *below])
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
 
@@ -348,6 +349,7 @@ def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
 def _by_event(columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for comparison, results in events:
+        # Of a single event the caller knows which one it is.
         every = (*columns, of_event(comparison.event.recording.source)) if len(events) > 1 else columns
         rows += [row for result in results for row in rows_of(every, result)]
     return Table.of((*columns, of_event("")) if len(events) > 1 else columns, rows)
@@ -419,9 +421,10 @@ def response_table(response: Response) -> Table:
         return whole
     rows: list[tuple[Cell, ...]] = []
     for number, shock in enumerate(response.shocks, start=1):
-        part = story_table(shock.stories, shock.errors)
-        empty = (None,) * (len(whole.columns) - len(part.columns))
-        rows += [(str(number), *row, *empty) for row in part.rows]
+        of_shock = story_table(shock.stories, shock.errors)
+        # What is corrected is so over the whole sequence alone.
+        empty = (None,) * (len(whole.columns) - len(of_shock.columns))
+        rows += [(str(number), *row, *empty) for row in of_shock.rows]
     rows += [(_ALL, *row) for row in whole.rows]
     return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
 
@@ -459,8 +462,8 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *
     line = ",".join(["%.12g"] * len(columns)) + "\n"
     groups = [[column.of(history) for column in group] for _, group in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
-        part = slice(first, first + _ROWS_AT_ONCE)
-        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
+        chunk = slice(first, first + _ROWS_AT_ONCE)
+        blocks = (np.stack([values[chunk] for values in group], axis=-1) for group in groups)
         table = np.hstack([block.reshape(len(block), -1) for block in blocks])
         if factors is not None:
             table /= factors

@@ -200,6 +200,7 @@ def loss_table(store: Store) -> Table:
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
     costs = has_costs(store)
+    # The sum over all types has a meaning where there are costs, or parts to hold beside it.
     groups = chain(
         group_damages(store, by="") if costs or by else (),
         group_damages(store),
@@ -243,6 +244,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
+        # A curve for each part and level; events without a result are on none.
         curves: dict[tuple[str, float], list[tuple[float, str]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
@@ -250,6 +252,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                 curves.setdefault((of.part, of.level), []).append((lost, of.event))
         for (part, level), losses in curves.items():
             often = annual = 0.0
+            # From the largest loss down: the rates so far add up to how often it is reached.
             for lost, event in sorted(losses, key=lambda loss: -loss[0]):
                 often, annual = often + rates[event], annual + rates[event] * lost
                 head = [cell_text(part)] * bool(by)

@@ -74,6 +74,7 @@ def parquet_writer(
         return None
 
     def write(stream: BinaryIO) -> None:
+        # Of an inventory's columns those are numbers that have nothing else in them.
         first = len(columns) - carried
         places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
         words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
@@ -151,6 +152,7 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
         rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
             direction = records[record][2]
+            # Both components of a pair stand in one row, side by side.
             cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
             start = size * (direction - 1)
             cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
@@ -168,6 +170,7 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
 
     heights = column("height_m")
     roof = rows[-1][_AT["peak_displacement_m"]]
+    # A story without a height leaves the building without one.
     roof_ratio = roof / sum(heights) if all(heights) else None
     return [
         *(pga, *column("peak_absolute_acceleration_m_s2"), *rest),
@@ -236,6 +239,7 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
             geometry = {"type": "Point", "coordinates": [_digits(east), _digits(float(cells[latitude]))]}
         for event in sorted({key.sample for key in runs}) if events else (0,):
             head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
+            # Without events all runs are those of event 0.
             mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
             for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
                 told = _damage(damage, rank, event) if damage else {}
@@ -330,6 +334,7 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
     for of_one in _grouped(functions):
         told = [state.state or named[state.threshold] for state in of_one]
         first = of_one[0]
+        # OpenQuake wants a function of each state for every building or type.
         if told != every:
             missing = ", ".join(state for state in every if state not in told)
             subject = first.type or f"damage {first.damage:g}"

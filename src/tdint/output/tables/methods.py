@@ -205,6 +205,7 @@ def reference_table(methods: Iterable[Method]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
         references = references_of(method)
+        # The DOI has a column of its own; a plug-in's method has its source alone.
         rows += [(method.name, reference.text.partition(" doi:")[0], reference.doi) for reference in references]
         rows += [] if references else [(method.name, method.source, "")]
     return Table.of(REFERENCE, rows)

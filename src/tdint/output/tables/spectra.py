@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, integrate, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, rows_of
+from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, part, rows_of
 from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -107,13 +107,11 @@ TARGET = (
 
 def difference(published: str) -> tuple[Column, ...]:
     """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
-    column_of_ours = next(column for column in SPECTRUM if column.name == published)
+    ours = next(column for column in SPECTRUM if column.name == published)
     return (
         *SPECTRUM[:2],
-        Column(column_of_ours.name, column_of_ours.unit, "computed", column_of_ours.meaning),
-        Column(
-            f"published_{column_of_ours.name}", column_of_ours.unit, "expected", f"published: {column_of_ours.meaning}"
-        ),
+        Column(ours.name, ours.unit, "computed", ours.meaning),
+        Column(f"published_{ours.name}", ours.unit, "expected", f"published: {ours.meaning}"),
         Column("relative_difference", "1", "relative_difference", "computed over published value, less 1"),
     )
 
@@ -133,13 +131,12 @@ ROTATED_END = (
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
     """The columns of a spectrum over all directions with these percentiles."""
-
-    def percentile(place: int) -> Callable[[Any], Any]:
-        return lambda spectrum: spectrum.psa[place]
-
     middle = (
         Column(
-            f"rotd{p:02d}_psa_m_s2", "m/s^2", percentile(i), f"pseudo-acceleration, percentile {p} over all directions"
+            f"rotd{p:02d}_psa_m_s2",
+            "m/s^2",
+            part("psa", i),
+            f"pseudo-acceleration, percentile {p} over all directions",
         )
         for i, p in enumerate(percentiles)
     )
@@ -197,6 +194,7 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     """The rows of results that are each of one record, after the record's name and component."""
+    # Components are named together: one that a file has twice gets its full id.
     names = component_names([result.record for result in results])
     rows: list[tuple[Cell, ...]] = []
     for result, name in zip(results, names, strict=True):

@@ -80,6 +80,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     values = _values(result)
+    # What is no array holds for all rows.
     size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     tables: dict[str, Any] = {}
     for column, value in values:
@@ -148,6 +149,7 @@ def to_xarray(runs: Runs) -> Any:
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
+        # Times that differ from run to run are no axis.
         alike = len(runs.time) == 1
         coordinates["time" if alike else "times"] = ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
     return xarray.Dataset(told, coordinates)
@@ -166,6 +168,7 @@ def to_html(result: Any, caption: str) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in tables)
     rows = ([escape(_cell(values[row])) for values in tables.values()] for row in range(min(size, _ROWS)))
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    # A table of thousands of rows would fill the notebook.
     more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
     return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more}"
 
@@ -216,6 +219,7 @@ def _in_rows(results: Sequence[Any]) -> _Values:
 
 for _kind in (Fragility, Overview, RecordInfo):
     _values.register(_kind, lambda result: _in_rows([result]))
+# Several results of a kind without a table for rows are joined before they come here.
 for _several in (Several, list, tuple):
     _values.register(_several, lambda result: _in_rows(list(result)))
 _values.register(CampaignRuns, lambda result: campaign.runs_table(result).by_column())
@@ -242,6 +246,7 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 @_values.register
 def _(result: Runs) -> _Values:
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
+    # Building by building: arrays have room for the tallest, and nan above the others.
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
         for name, column in demand_columns(stories).items():
@@ -269,6 +274,7 @@ def _estimated(result: Runs) -> _Values:
             demand_errors(of_run(result.stories), of_run(result.errors)) + demand_values(of_run(result.corrected))
         )
     columns = zip((*campaign.RUN_ERRORS, *campaign.RUN_CORRECTED), np.array(rows).T, strict=True)
+    # Where no run has carried its error along nothing is corrected.
     corrected = not np.isnan(result.corrected.peak_drift).all()
     return list(columns)[: None if corrected else len(campaign.RUN_ERRORS)]
 
@@ -300,5 +306,6 @@ def _(result: History) -> _Values:
     values: list[Any] = []
     for place, columns in buildings.history_groups(error):
         arrays = [column.of(result) for column in columns]
+        # A column for each floor or story, in the order of the CSV file.
         values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
     return list(zip(buildings.history_columns(stories, error), values, strict=True))
