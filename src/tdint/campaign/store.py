@@ -304,14 +304,10 @@ class Store:
         with in_words(self.name):
             # By checksums of the rows themselves, not by what the store says of them.
             bad = schema.damaged_chunks(self.connection)
-            # A chunk cut otherwise has other runs, whole as it may be.
-            if identity is not None:
+            if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                bad |= {
-                    number
-                    for number, runs in chunks
-                    if not (0 <= number < identity.chunks and identity.size(number) in (None, runs))
-                }
+                size = identity.size
+                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and size(i) in (None, runs))}
             if not bad:
                 return 0
             self.remove(bad)
@@ -390,7 +386,6 @@ class Store:
         """Keep the columns of an inventory that are carried along: other ones change no run."""
         columns = identity.buildings[0].columns
         cells = [building.cells for building in identity.buildings] if columns else []
-        # A digest tells whether they are those that are kept, without reading these.
         whole = hashlib.sha256(json.dumps(columns).encode())
         for cell in cells:
             whole.update(cell.encode())

@@ -303,7 +303,7 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
     """
     fit, model = _KINDS[kind]
     scale, top = float(drift[-1]), float(np.max(shear))
-    # Over the largest drift and shear, so that one search fits all units; from several starts, for there are several minima.
+    # Over the largest drift and shear one search fits all units; several starts, for there are several minima.
     d, f = drift / scale, shear / top
     best = min((fit(d, f, start) for start in _STARTS), key=lambda fitted: fitted[1])
     law = model(best[0], scale, top)

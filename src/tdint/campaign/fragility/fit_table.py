@@ -202,7 +202,6 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    # All columns are looked at before a fit, which would name no line.
     im, hits, total = (np.array(table.numbers(name)) for name in ("im", "collapses", "records"))
     table.check("im", im > 0.0, "must be positive")
     table.check("records", total > 0.0, "must be positive")
