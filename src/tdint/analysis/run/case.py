@@ -55,9 +55,10 @@ _COMMON = 0.75
 drifts in frames 1.2, 1.2 and 1.1 % are then off by more than twice what is told with a half, .8, .5 and .9 % with
 this; of all told errors 17 % are more than twice the true one in place of 14."""
 
-_FAINT, _FAINT_LINEAR = 0.2, 0.3
+_FAINT, _FAINT_LINEAR = 0.3, 0.1
 """Part of the largest of the stories' errors, over the peak, below which none is corrected: of the largest one the
-correction leaves a tenth in one run of ten, and of others as much. In linear buildings nothing else is asked."""
+correction leaves a tenth in one run of ten, and of others as much; more where stories have kinks, and of accelerations,
+in which the modes show that steps follow least."""
 
 _OF_STRUGGLE = 0.25
 """Part of what the usual passes of the error's iteration left to correct that is told of it, though more of them have
@@ -149,7 +150,8 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
         off = np.where(by_accident, not_by_accident(off, size), off)
         errors[name] = np.maximum(off, np.maximum((_ROUNDING + left) * size, getattr(doubt, name)))
         if building.linear:
-            sure = relative >= _FAINT_LINEAR * np.max(relative)
+            faint = _FAINT if name == "peak_acceleration" else _FAINT_LINEAR
+            sure = relative >= faint * np.max(relative)
         else:
             sure = (shifts[name] >= errors[name]) & (relative >= max(_FAINT * float(np.max(relative)), unsure))
         taken[name] = np.where(sure, shifted, computed)

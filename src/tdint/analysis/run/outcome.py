@@ -190,7 +190,8 @@ class ErrorEstimate:
         nearer to the truth. A peak that is not surely corrected stays as computed. None where the
         error comes from repetitions.
     left : StoryErrors or None
-        What the corrected peaks may be off by: the told errors of the run that carried its error along.
+        What the corrected peaks may be off by: the told errors of the run that carried its error along; of peaks that
+        stay as computed besides what they differ by from those that it corrects.
     shifts : StoryErrors or None
         By how much the peaks of the motion with the error carried along differ, corrected by that or not; of the run.
     doubtful : tuple of int and float, or None

@@ -48,9 +48,6 @@ CURVING = VARIANT.dashpots or CURVES
 BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
 """Whether a story may have a force that is not linear in its motion."""
 
-REMEMBERING = any(LAWS[code].apart for code in COMPILED)
-"""Whether the stiffness of a branch may hang on what the story has done before: laws that stand apart have such."""
-
 COUNTING_TURNS = tuple(float(code) for code, law in enumerate(LAWS) if law.counts_turns)
 
 COUNTS_TURNS = any(LAWS[code].counts_turns for code in COMPILED)

@@ -9,6 +9,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import (
     OWN,
+    REMEMBERING,
     Carried,
     add_loads,
     bubbles_of,
@@ -23,7 +24,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end, raise_forces
 from tdint.kernels.equations.moment4 import ROW
-from tdint.kernels.laws.choosing import COUNTS_TURNS, CURVES, REMEMBERING
+from tdint.kernels.laws.choosing import COUNTS_TURNS, CURVES
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stepping import Integrals

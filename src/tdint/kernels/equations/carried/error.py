@@ -26,6 +26,7 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
 from tdint.kernels.equations.carried.rows import (
     OWN,
+    REMEMBERING,
     Carried,
     add_loads,
     bubbles_of,
@@ -40,7 +41,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW, solve
-from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS, REMEMBERING
+from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories import error_path
 from tdint.kernels.stories.branches import advance

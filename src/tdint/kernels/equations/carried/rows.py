@@ -8,10 +8,14 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.iteration import SAME_TANGENT
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
-from tdint.kernels.laws.choosing import COUNTING_TURNS, COUNTS_TURNS, REMEMBERING
+from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.choosing import COMPILED, COUNTING_TURNS, COUNTS_TURNS
 from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_second, force_third
 from tdint.kernels.stepping import Array, Memory, Scene, Stretch
 from tdint.kernels.stories import error_path, path
+
+REMEMBERING = any(LAWS[code].apart for code in COMPILED)
+"""Whether the stiffness of a branch may hang on what the story has done before: laws that stand apart have such."""
 
 STATE_ROWS = 5  # of a drift and of its error
 NODES = 28  # at most, within a step at which it is looked closely: 10 events, and 3 pairs of parts beside theirs
