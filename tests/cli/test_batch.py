@@ -70,12 +70,35 @@ def test_a_file_of_a_folder_that_cannot_be_read_is_a_failure(folder, tdint):
     assert result.stderr == "Error: some/b.mseed: the file is empty\n"
 
 
+@pytest.mark.parametrize("into", [None, "all.csv", "out/"])
+@pytest.mark.parametrize(
+    "command", [("info",), ("spectrum", *PERIODS), ("drift-spectrum", *PERIODS)], ids=lambda c: c[0]
+)
+def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, command, into):
+    """And bad ones alone give no output."""
+    make_record(folder / "counts.mseed", "HNE", integer=True)
+    (folder / "broken.mseed").write_bytes(b"\x00" * 100)
+    before = contents(folder)
+    into = "all.csv" if into and command[0] == "info" else into  # which has no folders
+    options = ["-o", into] if into else []
+    bad = ["counts.mseed", "missing.mseed", "broken.mseed"]
+    tdint.refused("Error: missing.mseed: ", *command, *bad, *options, code=4)
+    assert contents(folder) == before
+    result = tdint(*command, bad[0], "motion.mseed", *bad[1:], "other.mseed", *options, code=4)
+    errors = [line for line in result.stderr.splitlines() if line.startswith("Error")]
+    assert [line.split(":")[1].strip() for line in errors] == bad
+    good = tdint(*command, "motion.mseed", "other.mseed").stdout
+    if into == "out/":
+        assert sorted(contents(folder / "out")) == ["motion.csv", "motion.json", "other.csv", "other.json"]
+    else:
+        assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
+
+
 def test_records_of_one_stem_keep_their_suffix(folder, tdint):
     """K-NET gives a station's components one stem: x.EW and x.NS."""
     for suffix in ("EW", "NS"):
         (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
-    result = tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot")
-    assert result.exit_code == 0
+    tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot", code=0)
     assert sorted(contents(folder / "out")) == [
         f"{stem}.{suffix}" for stem in ("other", "x.EW", "x.NS") for suffix in ("csv", "json", "png")
     ]

@@ -64,8 +64,7 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
 ) -> None:
     sql(statement)
     for action in ("status", "export"):
-        result = tdint("campaign", action, "out")
-        assert (result.exit_code, "chunks of runs are not as they were written; call" in result.stderr) == (6, True)
+        tdint.refused("chunks of runs are not as they were written; call", "campaign", action, "out", code=6)
     assert tables("out") == done
     again = tdint("campaign", "study.yaml", "-o", "out")
     assert (again.exit_code, "they are done again" in again.stderr) == (0, True), again.stderr
@@ -109,8 +108,7 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
     sql(statement)
     before = Path("out", FILE).read_bytes()
     for arguments in (["study.yaml", "-o", "out"], ["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]):
-        result = tdint("campaign", *arguments)
-        assert (result.exit_code, "cannot be trusted" in result.stderr) == (6, True), result.stderr
+        result = tdint.refused("cannot be trusted", "campaign", *arguments, code=6)
         assert len(result.stderr.splitlines()) == 1
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
@@ -193,13 +191,11 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
         ["campaign", "merge", "out", "-o", "one"],
         ["run", "shaken.yaml", "--units", "m/s^2", "--scale", "0.5,1", "-o", "one"],
     ):
-        result = tdint(*arguments)
-        assert (result.exit_code, "exists already" in result.stderr) == (6, True), result.stderr
+        tdint.refused("exists already", *arguments, code=6)
         assert {path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK} == kept
     Path("out/runs.csv").write_text("mine\n")
     for arguments in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
-        result = tdint("campaign", *arguments)
-        assert (result.exit_code, "out/runs.csv: exists already" in result.stderr) == (6, True), result.stderr
+        tdint.refused("out/runs.csv: exists already", "campaign", *arguments, code=6)
         assert Path("out/runs.csv").read_text() == "mine\n"
     assert tdint("campaign", "export", "out", "--overwrite").exit_code == 0
     assert tables("out") == done

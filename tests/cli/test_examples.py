@@ -81,8 +81,7 @@ def test_all_sixteen_figures(here, tdint, monkeypatch):
     for module, name in ((assessment, "accuracy_picture"), (assessment, "order_picture"), (examples, "row_picture")):
         draw = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *given, draw=draw: drawn.append(draw(*given)) or drawn[-1])
-    result = tdint("examples", "2", "-o", "paper", "--figures")
-    assert result.exit_code == 0
+    tdint("examples", "2", "-o", "paper", "--figures", code=0)
     names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
     assert names == [f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13))]
     titles = [figure.get_suptitle().partition(":")[0] for figure in drawn]
@@ -127,8 +126,7 @@ def test_chosen_methods_and_steps(tdint):
 
 
 def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdint):
-    result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out")
-    assert result.exit_code == 0
+    result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out", code=0)
     (row,) = rows(result.stdout)
     assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
     assert "exact has no result: refused" in result.stderr
@@ -148,9 +146,7 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
     ],
 )
 def test_what_is_refused(here, tdint, arguments, code, message):
-    result = tdint("examples", *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, "examples", *arguments, code=code)
     assert not list(here.iterdir())
 
 
