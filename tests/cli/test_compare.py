@@ -100,12 +100,8 @@ def test_fitted_and_blind(recorded, tdint, tmp_path):
     assert [float(one["start"]) for one in fitted] == [1100.0, 600.0]
     assert [float(one["fitted"]) for one in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
     assert {file.name for file in tmp_path.iterdir()} == {
-        "table.csv",
-        "table-spectra.csv",
-        "table-fit.csv",
-        "table-fitted.yaml",
-        "table-summary.json",
-    }
+        "table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml", "table-summary.json",
+    }  # fmt: skip
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):

@@ -442,14 +442,10 @@ def test_a_dash_is_standard_output(study: Path, tdint: Run) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        "modes shaken.yaml --output-units kN,mm,t",
-        "law shaken.yaml --drift 1%",
-        "pushover shaken.yaml",
-        "info motion.mseed",
-        "stability --method hht --dt-over-t 0.1:1:3",
-        "validate",
+        "modes shaken.yaml --output-units kN,mm,t", "law shaken.yaml --drift 1%", "pushover shaken.yaml",
+        "info motion.mseed", "stability --method hht --dt-over-t 0.1:1:3", "validate",
     ],
-)
+)  # fmt: skip
 def test_a_single_table_is_written_as_parquet(folder, tdint, line):
     """The same columns, words and numbers as in CSV, where these have 12 digits; each with its unit."""
     parquet = pytest.importorskip("pyarrow.parquet")

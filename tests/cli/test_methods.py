@@ -77,29 +77,17 @@ def test_what_is_refused(here, tdint, name, arguments, code, message):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["stability", "--damping", "1"],
-        ["stability", "--damping", "-0.1"],
-        ["stability", "--damping", "nan"],
-        ["stability", "--dt-over-t", "1:0.1:5"],
-        ["stability", "--dt-over-t", "0.1:1:1"],
-        ["stability", "--dt-over-t", "0.1:1"],
-        ["stability", "--dt-over-t", "0:1:5"],
-        ["stability", "--dt-over-t", "0.1:inf:5"],
-        ["stability", "--dt-over-t", "nan"],
-        ["stability", "--dt-over-t", "0.1:1:1e3"],
-        ["overshoot", "--dt-over-t", "0"],
-        ["overshoot", "--dt-over-t", "inf"],
-        ["overshoot", "--damping", "nan"],
-        ["overshoot", "--steps", "0"],
-        ["order", "--load", "sinus"],
-        ["order", "--law", "bilinear"],
-        ["stability", "--dt-over-t", "1e7"],
-        ["stability", "--dt-over-t", "1e-7:1:3"],
-        ["overshoot", "--dt-over-t", "1e7"],
-        ["order", "--frequency-ratio", "-1"],
-        ["order", "--frequency-ratio", "0.2:11:3"],
+        ["stability", "--damping", "1"], ["stability", "--damping", "-0.1"], ["stability", "--damping", "nan"],
+        ["stability", "--dt-over-t", "1:0.1:5"], ["stability", "--dt-over-t", "0.1:1:1"],
+        ["stability", "--dt-over-t", "0.1:1"], ["stability", "--dt-over-t", "0:1:5"],
+        ["stability", "--dt-over-t", "0.1:inf:5"], ["stability", "--dt-over-t", "nan"],
+        ["stability", "--dt-over-t", "0.1:1:1e3"], ["overshoot", "--dt-over-t", "0"],
+        ["overshoot", "--dt-over-t", "inf"], ["overshoot", "--damping", "nan"], ["overshoot", "--steps", "0"],
+        ["order", "--load", "sinus"], ["order", "--law", "bilinear"], ["stability", "--dt-over-t", "1e7"],
+        ["stability", "--dt-over-t", "1e-7:1:3"], ["overshoot", "--dt-over-t", "1e7"],
+        ["order", "--frequency-ratio", "-1"], ["order", "--frequency-ratio", "0.2:11:3"],
     ],
-)
+)  # fmt: skip
 def test_values_out_of_range(tdint, arguments):
     tdint.refused(f"Invalid value for '{arguments[1]}'", *arguments)
 

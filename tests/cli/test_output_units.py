@@ -125,17 +125,8 @@ def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Pa
 
 def test_the_columns_beside_a_spectrum(folder: Path, tdint: Run) -> None:
     spectrum = (
-        "spectrum",
-        "motion.mseed",
-        "--component",
-        "HNE",
-        "--period",
-        1,
-        "-o",
-        "s.csv",
-        "--output-units",
-        "cm,g",
-    )
+        "spectrum", "motion.mseed", "--component", "HNE", "--period", 1, "-o", "s.csv", "--output-units", "cm,g",
+    )  # fmt: skip
     assert tdint(*spectrum).exit_code == 0
     told = json.loads((folder / "s.json").read_text())
     header, _ = table((folder / "s.csv").read_text())

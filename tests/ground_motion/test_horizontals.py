@@ -47,18 +47,11 @@ def test_which_components_are_vertical():
 @pytest.mark.parametrize(
     ("names", "found"),
     [
-        (("HNE", "HNN", "HNZ"), "HNN+HNE"),
-        (("HN1", "HN2"), "HN1+HN2"),
-        (("HNZ", "HN2", "HN1"), "HN2+HN1"),
-        (("EW", "NS", "UD"), "NS+EW"),
-        (("67", "UP", "337"), "337+67"),
-        (("360", "90"), "360+90"),
-        (("S16W", "S74E"), "S74E+S16W"),
-        (("0", "270"), "270+0"),
-        (("93", "0"), "0+93"),
-        (("X", "Y", "Z"), "X+Y"),
+        (("HNE", "HNN", "HNZ"), "HNN+HNE"), (("HN1", "HN2"), "HN1+HN2"), (("HNZ", "HN2", "HN1"), "HN2+HN1"),
+        (("EW", "NS", "UD"), "NS+EW"), (("67", "UP", "337"), "337+67"), (("360", "90"), "360+90"),
+        (("S16W", "S74E"), "S74E+S16W"), (("0", "270"), "270+0"), (("93", "0"), "0+93"), (("X", "Y", "Z"), "X+Y"),
     ],
-)
+)  # fmt: skip
 def test_pairs(names, found):
     """By azimuth the second component lies 90 degrees clockwise of the first."""
     pair = find_horizontals([record(name) for name in names])
@@ -134,18 +127,12 @@ def test_files_of_one_motion(one, other):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        ("a/x.EW", "b/x.NS"),
-        ("x.EW1", "x.NS2"),
-        ("record001.mseed", "record002.mseed"),
-        ("A.AT2", "B.AT2"),
-        ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
-        ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
-        ("site_N.csv", "site_E.txt"),
-        ("site_N.csv", "site.csv"),
-        ("record_000.csv", "record_090.csv"),
+        ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"), ("A.AT2", "B.AT2"),
+        ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"), ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
+        ("site_N.csv", "site_E.txt"), ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"),
         ("one.N", "one.E"),
     ],
-)
+)  # fmt: skip
 def test_files_of_different_motions(one, other):
     assert motion_name(one) != motion_name(other)
 

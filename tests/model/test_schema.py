@@ -87,7 +87,7 @@ def test_one_of_some_keys() -> None:
         {"stories": [{**story, "weight": 1}]},
         {"stories": [story], "damping": {}},
     ):
-        assert not valid(model, SCHEMA) and refused(model)
+        assert not valid(model, SCHEMA) and refused(model)  # fmt: skip
 
 
 def test_it_is_json_and_says_what_keys_mean() -> None:

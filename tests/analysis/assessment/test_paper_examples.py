@@ -68,15 +68,9 @@ def test_methods_and_figures_are_those_of_the_paper():
     assert DT == 0.02
     figures = [(one.number, one.floor, one.is_error) for example in examples().values() for one in example.figures]
     assert figures == [
-        (7, 1, False),
-        (8, 1, True),
-        (10, 1, False),
-        (11, 2, False),
-        (12, 2, True),
-        (14, 1, False),
-        (15, 150, False),
+        (7, 1, False), (8, 1, True), (10, 1, False), (11, 2, False), (12, 2, True), (14, 1, False), (15, 150, False),
         (16, 1, True),
-    ]
+    ]  # fmt: skip
     assert isinstance(examples()[1].figures[0], ExampleFigure)
 
 

@@ -116,18 +116,13 @@ def test_which_methods_are_explicit():
 @pytest.mark.parametrize(
     ("method", "damping", "limit"),
     [
-        ("central-difference", 0.0, 2.0),
-        ("central-difference", 0.05, 2.0),
-        ("newmark-linear", 0.0, 2.0 * math.sqrt(3.0)),
-        ("newmark-linear", 0.05, 2.0 * math.sqrt(3.0)),
-        ("fox-goodwin", 0.0, math.sqrt(6.0)),
-        ("rk5", 0.0, 0.9972),
-        ("rk5", 0.05, 2.4026),
-        ("wilson:theta=1.3661", 0.0, math.inf),
-        ("impulse:beta=1/120", 0.0, math.sqrt(10.0)),
+        ("central-difference", 0.0, 2.0), ("central-difference", 0.05, 2.0),
+        ("newmark-linear", 0.0, 2.0 * math.sqrt(3.0)), ("newmark-linear", 0.05, 2.0 * math.sqrt(3.0)),
+        ("fox-goodwin", 0.0, math.sqrt(6.0)), ("rk5", 0.0, 0.9972), ("rk5", 0.05, 2.4026),
+        ("wilson:theta=1.3661", 0.0, math.inf), ("impulse:beta=1/120", 0.0, math.sqrt(10.0)),
         ("impulse:beta=1/160", 0.0, math.sqrt(12.0)),
     ],
-)
+)  # fmt: skip
 def test_critical_step(method, damping, limit):
     assert critical_step(parse(method), damping) == pytest.approx(limit, rel=1e-4)
 
