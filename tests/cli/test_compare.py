@@ -58,11 +58,8 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path):
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
     tdint("compare", *files, "-o", out, "--plot", "--require", "correlation=0.95,peak_ratio=0.8", code=0)
     assert sorted(file.name for file in out.iterdir()) == [
-        "comparison.csv",
-        "comparison.png",
-        "spectra.csv",
-        "summary.json",
-    ]
+        "comparison.csv", "comparison.png", "spectra.csv", "summary.json",
+    ]  # fmt: skip
     first, roof = rows(out / "comparison.csv")
     assert list(first) == ["floor", "quantity", "correlation", "peak_ratio", "rms_difference"]
     assert (first["quantity"], roof["floor"], roof["quantity"]) == ("displacement", "2", "acceleration")

@@ -117,11 +117,8 @@ def test_chosen_methods_and_steps(tdint):
     result = tdint("examples", "2", "1", "1", "--method", "bathe", "--dt", "0.05", "--dt", "0.04")
     table = rows(result.stdout)
     assert [(row["example"], row["dt_s"]) for row in table] == [
-        ("1", "0.05"),
-        ("1", "0.04"),
-        ("2", "0.05"),
-        ("2", "0.04"),
-    ]
+        ("1", "0.05"), ("1", "0.04"), ("2", "0.05"), ("2", "0.04"),
+    ]  # fmt: skip
     assert "The paper:" not in result.stderr
 
 

@@ -233,14 +233,9 @@ NEEDY = [
     if getattr(parameter, "needs", "")
 ]
 WORDS = {
-    "compile": ["--all"],
-    "ida": ["x", "y"],
-    "failures": [],
-    "stability": [],
-    "examples": [],
-    "overshoot": [],
+    "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "examples": [], "overshoot": [],
     "order": [],
-}
+}  # fmt: skip
 REQUIRED = {"inventory": ["--units", "m"], "compare": ["--recorded", "x"], "scale": ["--pga", "1g"]}
 
 
@@ -267,16 +262,9 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
     words += {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, []) if name == "ida" else []
     words += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
-        "--period": "1",
-        "--range": "0.3:3:9",
-        "--rule": "mean",
-        "--year": "1985",
-        "--damping": "0.1",
-        "--hardening": "0.1",
-        "--style": "90mm",
-        "--report-head": "Project: bridge",
-        "--pairs": "{}_N.txt,{}_E.txt",
-    }.get(option)
+        "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985", "--damping": "0.1",
+        "--hardening": "0.1", "--style": "90mm", "--report-head": "Project: bridge", "--pairs": "{}_N.txt,{}_E.txt",
+    }.get(option)  # fmt: skip
     asked = [*words, option, *([value] if value else a_value(parameter))]
     result = tdint(*asked)
     expected = f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave {option} out"

@@ -119,16 +119,11 @@ def test_critical_steps_are_told(tdint):
     options = [part for method in methods for part in ("--method", method)]
     result = tdint("stability", *SMALL["stability"], *options, "--damping", "0", "--damping", "0.05")
     assert [line.split(maxsplit=2) for line in result.stderr.splitlines()] == [
-        ["method", "damping", "critical omega dt"],
-        ["central-difference", "0", "2.00000"],
-        ["central-difference", "0.05", "2.00000"],
-        ["newmark-linear", "0", "3.46410"],
-        ["newmark-linear", "0.05", "3.46410"],
-        ["newmark-average", "0", "none up to omega dt 1e4"],
-        ["newmark-average", "0.05", "none up to omega dt 1e4"],
-        ["rk5", "0", "0.997191"],
-        ["rk5", "0.05", "2.40256"],
-    ]
+        ["method", "damping", "critical omega dt"], ["central-difference", "0", "2.00000"],
+        ["central-difference", "0.05", "2.00000"], ["newmark-linear", "0", "3.46410"],
+        ["newmark-linear", "0.05", "3.46410"], ["newmark-average", "0", "none up to omega dt 1e4"],
+        ["newmark-average", "0.05", "none up to omega dt 1e4"], ["rk5", "0", "0.997191"], ["rk5", "0.05", "2.40256"],
+    ]  # fmt: skip
 
 
 def test_beta_scan(here, tdint):

@@ -25,11 +25,8 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
 def test_the_files_of_a_sequence(folder, tdint):
     tdint(*SHOCKS, "--rest", 3, "--scale", "1.5,0.5", "--check", "-o", "out", "--history", "--plot", code=0)
     assert sorted(file.name for file in (folder / "out").iterdir()) == [
-        "history.csv",
-        "response.png",
-        "stories.csv",
-        "summary.json",
-    ]
+        "history.csv", "response.png", "stories.csv", "summary.json",
+    ]  # fmt: skip
     summary = json.loads((folder / "out/summary.json").read_text())
     first, second = summary["shocks"]
     assert second["start_s"] == pytest.approx(2.99 + 3.0)

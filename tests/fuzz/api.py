@@ -128,9 +128,7 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         source.choice(("a.txt", "table.csv", "n.mseed", "a.txt", "a.txt", "none", "", "\0", 1.5, b"a.txt")),
         **_some(
             {
-                "units": _text("m/s^2"),
-                "component": _text("HNE", "2"),
-                "inventory": _text("a.txt", "none"),
+                "units": _text("m/s^2"), "component": _text("HNE", "2"), "inventory": _text("a.txt", "none"),
                 "layout": _layout,
             },
             source,
@@ -141,9 +139,7 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         _numbers(source),
         **_some(
             {
-                "damping": _number,
-                "method": _METHOD,
-                "maxima": _text("continuous", "samples"),
+                "damping": _number, "method": _METHOD, "maxima": _text("continuous", "samples"),
                 "interpolation": _text("linear", "band-limited"),
             },
             source,

@@ -64,15 +64,11 @@ def test_what_the_schema_refuses_the_reader_refuses(text: str) -> None:
 @pytest.mark.parametrize(
     "law",
     [
-        "bilinear",
-        {"type": "bilinear", "yield_force": 1},
-        {"type": "bilinear", "yield_force": 1, "hardening": 1},
-        {"type": "linear", "hardening": 0},
-        {"type": "polynomial", "coefficients": []},
-        {"type": "imk", "yield_force": 1},
-        {"yield_force": 1},
+        "bilinear", {"type": "bilinear", "yield_force": 1}, {"type": "bilinear", "yield_force": 1, "hardening": 1},
+        {"type": "linear", "hardening": 0}, {"type": "polynomial", "coefficients": []},
+        {"type": "imk", "yield_force": 1}, {"yield_force": 1},
     ],
-)
+)  # fmt: skip
 def test_laws_that_are_none(law: object) -> None:
     model = {"stories": [{"mass": 1, "stiffness": 1, "law": law}]}
     assert not valid(model, SCHEMA) and refused(model)

@@ -71,14 +71,9 @@ DAMPED = {  # damping ratio 0.05
     "kr-alpha": DISPLACEMENT,
 }
 WORDS = {
-    NONE: "none",
-    ALL_LEFT: "none",
-    POWERS["exact"]: "none",
-    VELOCITY: "velocity",
-    BOTH: "displacement and velocity",
-    DISPLACEMENT: "displacement",
-    POWERS["cr"]: "displacement",
-}
+    NONE: "none", ALL_LEFT: "none", POWERS["exact"]: "none", VELOCITY: "velocity", BOTH: "displacement and velocity",
+    DISPLACEMENT: "displacement", POWERS["cr"]: "displacement",
+}  # fmt: skip
 UNSTABLE = (*(method for method in POWERS if math.isfinite(parse(method).stability_limit)), "wilson:theta=1.36")
 
 
