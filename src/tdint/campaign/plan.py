@@ -287,7 +287,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         far=inputs.far,
         outputs=campaign.outputs,
-        style=(campaign.style, str(Path(campaign.source).parent.absolute())),
+        style=(campaign.style, str(Path(campaign.source).parent.absolute()) if campaign.style else ""),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
         damage=damage,
