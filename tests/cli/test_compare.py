@@ -218,10 +218,6 @@ def test_files_without_recordings(recorded, tdint, text, message):
     (recorded / "other.yaml").write_text(text)
     tdint.refused(message, "compare", recorded / "model.yaml", "--recorded", recorded / "other.yaml", code=3)
     tdint.refused(
-        "no such file; give a file of recordings (YAML)",
-        "compare",
-        recorded / "model.yaml",
-        "--recorded",
-        "nowhere.yaml",
-        code=3,
-    )
+        "no such file; give a file of recordings (YAML)", "compare", recorded / "model.yaml", "--recorded",
+        "nowhere.yaml", code=3,
+    )  # fmt: skip

@@ -92,16 +92,9 @@ def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Run) -> None:
 def test_a_model_of_a_type(folder: Path, tdint: Run) -> None:
     tdint("init", "c1.yaml", "--type", "C1", "--year", 1985, "--area", 600, "--stories", 8, code=0)
     tdint(
-        *["init", "us.yaml", "--type", "C1", "--year"],
-        1985,
-        "--area",
-        600 / 0.3048**2,
-        "--stories",
-        8,
-        "--units",
-        "us",
-        code=0,
-    )
+        *["init", "us.yaml", "--type", "C1", "--year"], 1985, "--area", 600 / 0.3048**2, "--stories", 8, "--units",
+        "us", code=0,
+    )  # fmt: skip
     shipped = load_model(readmes.ROOT / "configs" / "hazus-c1.yaml")
     assert load_model("c1.yaml").stories == shipped.stories
     assert load_model("us.yaml").stories[0].mass == pytest.approx(shipped.stories[0].mass, rel=1e-5)
