@@ -20,7 +20,6 @@ COLUMNS = (
     "absolute_acceleration_error,outcome,velocity_error"
 )
 QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
-SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
 
 def test_rows_and_words(folder, tdint):
@@ -63,10 +62,8 @@ def test_lines_by_tolerance(folder, tdint):
 
 
 def test_files(folder, tdint):
-    for suffix, start in SIGNATURES.items():
-        result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
-        assert (result.exit_code, result.stdout) == (0, "")
-        assert (folder / f"x{suffix}").read_bytes().startswith(start)
+    assert tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0).stdout == ""
+    assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
     assert len(rows(folder / "x.csv")) == 4
     summary = json.loads((folder / "x.json").read_text())
     assert summary["interval_s"] == 0.01
@@ -252,7 +249,6 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--scale", "0"], 2, "must be a number other than zero"),
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
-        (["--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
         (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
         (["-o", "motion.mseed", "--overwrite"], 6, ""),
     ],
@@ -312,7 +308,7 @@ def test_profiles_of_several_motions(folder, tdint, make_record):
     assert [one["motion"] for one in summary["problems"]] == ["motion HNE", "other HNE"]
     assert len(summary["points"]) == len(summary["problems"][0]["points"][0])
     assert set(summary["recommended"]) == {"overall", "coarse", "safest"}
-    assert (folder / "x.png").read_bytes().startswith(SIGNATURES[".png"])
+    assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.usefixtures("laid_out")

@@ -37,13 +37,11 @@ def test_chosen_methods_and_problems(tdint):
     assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == ("", "", "")
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_table_and_picture(here, tdint, suffix, start):
+def test_table_and_picture(here, tdint):
     table = tdint(*SMALL).stdout
-    result = tdint(*SMALL, "-o", "x.csv", "--plot", f"x{suffix}")
-    assert (result.exit_code, result.stdout) == (0, "")
+    assert tdint(*SMALL, "-o", "x.csv", "--plot", "x.pdf", code=0).stdout == ""
     assert (here / "x.csv").read_text() == table
-    assert (here / f"x{suffix}").read_bytes().startswith(start)
+    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.parametrize(

@@ -89,11 +89,10 @@ def test_standard_input_component_and_output(folder, tdint):
     assert (row["record"], row["component"]) == ("-", "HNN")
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_picture(folder, tdint, suffix, start):
-    result = tdint("info", "motion.mseed", "other.mseed", "--plot", f"picture{suffix}")
-    assert (result.exit_code, len(rows(result.stdout))) == (0, 3)
-    assert (folder / f"picture{suffix}").read_bytes().startswith(start)
+def test_picture(folder, tdint):
+    result = tdint("info", "motion.mseed", "other.mseed", "--plot", "picture.png", code=0)
+    assert len(rows(result.stdout)) == 3
+    assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_picture_of_zeros(folder, tdint):
@@ -107,7 +106,6 @@ def test_picture_of_zeros(folder, tdint):
         ((), 2, "Missing argument 'RECORD...'"),
         (("-", "-"), 2, "standard input (-) can be read only once"),
         (("other.mseed", "--units", "furlong"), 2, "units 'furlong'"),
-        (("other.mseed", "--plot", "x.jpg"), 2, "a picture is written as .png, .pdf or .svg"),
         (("other.mseed", "-o", ""), 2, "-o is empty"),
     ],
 )

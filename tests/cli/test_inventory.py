@@ -13,7 +13,6 @@ COLUMNS = (
 )
 CONFIGS = Path(__file__).parents[2] / "configs"
 BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\nbad,0,1990,C9,600\n"
-STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
 
 def test_a_table_of_buildings_and_their_models(folder, tdint):
@@ -113,10 +112,8 @@ def test_a_target_beyond_the_curve_is_refused(folder, tdint):
 
 
 def test_the_picture_of_a_pushover(folder, tdint):
-    for suffix, start in STARTS.items():
-        name = f"x{suffix}"
-        result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", "--points", "20", f"--plot={name}", code=0)
-        assert (folder / name).read_bytes().startswith(start)
+    result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", "--points", "20", "--plot=x.pdf", code=0)
+    assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
     assert "the building carries nothing any more" in result.stderr
 
 

@@ -10,7 +10,6 @@ COLUMNS = (
     "story,step,cycle,drift_m,drift_ratio,shear_N,shear_with_p_delta_N,tangent_stiffness_N_m,recoverable_energy_J,"
     "dissipated_energy_J"
 )
-STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
@@ -81,11 +80,8 @@ def test_p_delta(tdint):
 def test_table_and_picture(folder, tdint):
     command = ("law", "shaken.yaml", "--drift", "1%")
     table = tdint(*command).stdout
-    for suffix, start in STARTS.items():
-        result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
-        assert (result.exit_code, result.stdout) == (0, "")
-        assert (folder / "x.csv").read_text() == table
-        assert (folder / f"x{suffix}").read_bytes().startswith(start)
+    assert tdint(*command, "-o", "x.csv", "--plot", "x.svg", code=0).stdout == ""
+    assert (folder / "x.csv").read_text() == table
     assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
 
 
@@ -119,7 +115,6 @@ def test_pictures_of_any_size(folder, tdint, model, drift):
         (["no-height.yaml", "--drift", "1%"], 2, "drift 1% is a drift ratio, and story 1 has no height"),
         (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: no such file"),
         (["shaken.yaml", "--drift", "1%", "-o", "other.mseed"], 6, "other.mseed: exists already; give --overwrite"),
-        (["shaken.yaml", "--drift", "1%", "--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg"),
         (["cubic.yaml", "--drift", "1e90m"], 5, "story 1: its law has no finite force and energy at drift "),
     ],
 )

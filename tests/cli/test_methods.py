@@ -59,7 +59,6 @@ def test_table_and_picture(here, tdint, name, suffix):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
         (["--plot", ""], 2, "--plot is empty"),
