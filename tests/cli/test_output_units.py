@@ -5,17 +5,15 @@ import gzip
 import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import Result
 
+from cli.conftest import Command
 from tdint.units import parse_output_units, suffix
 
-Run = Callable[..., Result]
 US = parse_output_units("kip,in,g")
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -65,13 +63,13 @@ def check_round_trip(si: str, us: str) -> None:
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )
-def test_a_table_and_back(folder: Path, tdint: Run, arguments: tuple[Any, ...]) -> None:
+def test_a_table_and_back(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
     si, us = tdint(*arguments), tdint(*arguments, "--output-units", "kip,in,g")
     assert (si.exit_code, us.exit_code) == (0, 0), us.stderr
     check_round_trip(si.stdout, us.stdout)
 
 
-def test_the_files_of_a_run_and_back(folder: Path, tdint: Run) -> None:
+def test_the_files_of_a_run_and_back(folder: Path, tdint: Command) -> None:
     run = ("run", "shaken.yaml", "--history", "--floor-spectra", "roof", "--period", 0.5)
     assert tdint(*run, "-o", "si").exit_code == 0
     done = tdint(*run, "-o", "us", "--output-units", "kip,in,g", code=0)
@@ -100,7 +98,7 @@ def test_the_files_of_a_run_and_back(folder: Path, tdint: Run) -> None:
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )
-def test_pictures(folder: Path, tdint: Run, arguments: tuple[Any, ...]) -> None:
+def test_pictures(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
     """No label, name or legend in a picture is in SI units any more."""
     assert tdint(*arguments, "--plot=si.svg").exit_code == 0
     tdint(*arguments, "--plot=us.svg", "--output-units", "kip,in,g", code=0)
@@ -113,7 +111,7 @@ def test_pictures(folder: Path, tdint: Run, arguments: tuple[Any, ...]) -> None:
     assert any(re.search(r"[( ](in|in/s|g|kip|kip·in)(\)|$)", text) for text in us)
 
 
-def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Path, tdint: Run) -> None:
+def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Path, tdint: Command) -> None:
     with (folder / "forced.yaml").open("a") as stream:
         stream.write("output_units: [kN, mm]\n")
     assert "peak_shear_kN" in tdint("run", "forced.yaml").stdout
@@ -123,7 +121,7 @@ def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Pa
     assert "peak_shear_kip" in tdint("run", "forced.yaml", "--output-units", "kip,in,g").stdout
 
 
-def test_the_columns_beside_a_spectrum(folder: Path, tdint: Run) -> None:
+def test_the_columns_beside_a_spectrum(folder: Path, tdint: Command) -> None:
     spectrum = (
         "spectrum", "motion.mseed", "--component", "HNE", "--period", 1, "-o", "s.csv", "--output-units", "cm,g",
     )  # fmt: skip
@@ -135,7 +133,7 @@ def test_the_columns_beside_a_spectrum(folder: Path, tdint: Run) -> None:
     assert "pga_g" in told["records"][0]
 
 
-def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Run) -> None:
+def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> None:
     run = ("run", "shaken.yaml", "--scale", "0.5,1", "--dt", 0.01)
     si, us = tdint(*run), tdint(*run, "--output-units", "kip,in,g")
     assert (si.exit_code, us.exit_code) == (0, 0), us.stderr
@@ -152,11 +150,11 @@ def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Run) -> None
     tdint.refused("--output-units is not for", "campaign", "status", "study", "--output-units", "kip")
 
 
-def test_units_that_are_none(folder: Path, tdint: Run) -> None:
+def test_units_that_are_none(folder: Path, tdint: Command) -> None:
     tdint.refused("unknown unit 'kips'; did you mean 'kip'?", "run", "forced.yaml", "--output-units", "kips,in")
 
 
-def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Run) -> None:
+def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Command) -> None:
     run = ("run", "forced.yaml")
     assert tdint(*run, "--history", "-o", "out").exit_code == 0
     whole = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
@@ -180,11 +178,11 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Run) -
         (("--history=h.csv", "--every", 0), "--every"),
     ],
 )
-def test_a_history_that_cannot_be(folder: Path, tdint: Run, arguments: tuple[Any, ...], message: str) -> None:
+def test_a_history_that_cannot_be(folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str) -> None:
     tdint.refused(message, "run", "forced.yaml", *arguments)
 
 
-def test_any_table_is_packed_by_its_name(folder: Path, tdint: Run) -> None:
+def test_any_table_is_packed_by_its_name(folder: Path, tdint: Command) -> None:
     modes = tdint("modes", "shaken.yaml").stdout
     assert tdint("modes", "shaken.yaml", "-o", "m.csv.gz").exit_code == 0
     assert gzip.decompress((folder / "m.csv.gz").read_bytes()).decode() == modes

@@ -66,10 +66,10 @@ def test_a_killed_worker(folder, start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("done", range(6))
+@pytest.mark.parametrize("done", [1, 3, 5])
 def test_a_killed_worker_again_and_again(folder, start, done):
-    """Either one in turn, from the first record to the last but two."""
-    one_killed_worker(folder, start, done, which=done % 2)
+    """From the first record to the last but two."""
+    one_killed_worker(folder, start, done, which=1)
 
 
 @pytest.mark.slow
