@@ -3,10 +3,8 @@
 import hashlib
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from functools import partial
 
@@ -123,19 +121,24 @@ def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
 
 
 @pytest.mark.parametrize(
-    ("into", "plot"),
+    ("command", "into", "plot"),
     [
-        *(("out/", False), ("all.csv", False), (None, False), ("all.csv", True)),
-        pytest.param("out/", True, marks=pytest.mark.slow),
+        *(
+            (("spectrum",), *output)
+            for output in (("out/", False), ("all.csv", False), (None, False), ("all.csv", True))
+        ),
+        pytest.param(("spectrum",), "out/", True, marks=pytest.mark.slow),
+        (("spectrum", "--ductility", "2,4"), None, False),
+        (("drift-spectrum", "--stories", "3"), None, False),
     ],
 )
-def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, into, plot):
+def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, command, into, plot):
     results, written = [], []
     for jobs in (1, 3):
         place = f"{jobs}/{into}" if into else None
         (many.parent / str(jobs)).mkdir()
         options = ["-o", place, *["--plot"] * plot] if place else []
-        result = tdint("spectrum", "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
+        result = tdint(*command, "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
         results.append((result.exit_code, result.stdout, result.stderr))
         written.append(contents(many.parent / str(jobs) / "out" if into == "out/" else many.parent / str(jobs)))
     assert results[0] == results[1]
@@ -239,33 +242,6 @@ def test_what_a_process_raises_is_raised():
 def test_results_of_one_process_come_as_they_are_made():
     with outcomes(partial(double, 1), [Task("a"), Task("dies")], jobs=1, label="", to_terminal=True) as results:
         assert next(iter(results))[0] == "a"
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_ends_all_processes_without_a_word(folder, make_record):
-    (folder / "many").mkdir()
-    make_record(folder / "many" / "0.mseed", "HNE", samples=20_000)
-    for i in range(1, 60):
-        (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
-    # A shell starts what runs in its background with Ctrl-C ignored.
-    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from tdint_cli.main import main"
-    command = [
-        sys.executable, "-c", f"{start}; main()", "spectrum", "many",
-        "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000",
-    ]  # fmt: skip
-    process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 60.0
-    while len(list((folder / "out").glob("*.csv")) if (folder / "out").is_dir() else []) < 2:
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    _, words = process.communicate(timeout=30.0)
-    assert process.returncode == 130
-    assert [line for line in words.splitlines() if line and "compiling" not in line] == ["Interrupted"]
-    assert not [name for name in contents(folder / "out") if name.startswith(".")]
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")

@@ -67,16 +67,6 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint):
     assert [record["component"] for record in summary["records"]] == ["HNE", "HNN"]
 
 
-def test_several_records_in_one_file(folder, tdint):
-    options = (*PERIODS, "--stories", "3")
-    records = ("motion.mseed", "other.mseed") * 2
-    whole = tdint("drift-spectrum", *records, *options).stdout
-    result = tdint("drift-spectrum", *records, *options, "--jobs", 2, "-o", "all.csv", "--plot")
-    assert (result.exit_code, result.stdout) == (0, "")
-    assert (folder / "all.csv").read_text() == whole
-    assert (folder / "all.png").stat().st_size > 10_000
-
-
 def test_a_picture_of_one_period(folder, tdint):
     assert tdint("drift-spectrum", "other.mseed", "--period", "1", "--beam", "-o", "x.csv", "--plot").exit_code == 0
     assert (folder / "x.png").exists()

@@ -315,11 +315,7 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
 
 @pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
 def test_files_and_picture(folder, tdint, option):
-    records = ("motion.mseed", "other.mseed") * 2
-    whole = tdint("spectrum", *records, *PERIODS, *option).stdout
-    result = tdint("spectrum", *records, *PERIODS, *option, "--jobs", 2, "-o", "all.csv", "--plot")
-    assert (result.exit_code, result.stdout) == (0, "")
-    assert (folder / "all.csv").read_text() == whole
+    tdint("spectrum", "motion.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)
     assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
     settings = json.loads((folder / "all.json").read_text())["settings"]
     assert settings[option[0].lstrip("-")] == [float(number) for number in option[1].split(",")]
