@@ -197,13 +197,16 @@ def usc(values=None, dt=0.005, times=None):
     )
 
 
-def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2):
+def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2, **changed):
     values = motion() if values is None else values
     integers, reals = [-32768] * 48, [1.7e38] * 50
     integers[1:7] = [1989, 291, 0, 4, 7, 250]
     integers[12], integers[13] = 90, 360
     integers[15], integers[16] = comments, len(values) if npts is None else npts
     reals[1], reals[29], reals[31] = rate, float(np.max(values)), float(np.min(values))
+    for numbers, name in ((integers, "integers"), (reals, "reals")):
+        for place, number in changed.get(name, {}).items():
+            numbers[place] = number
 
     def value_field(value):
         mantissa, exponent = f"{value:.4E}".split("E")

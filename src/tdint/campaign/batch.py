@@ -24,7 +24,6 @@ from tdint.analysis.run.outcome import (
     Response,
     Shock,
     StoryPeaks,
-    StoryValues,
 )
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
@@ -194,12 +193,12 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
 def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
     told = (check.errors, check.corrected) if check else (None, None)
-    cells = zip(stories.height.tolist(), *map(_by_story, (stories, *told)), strict=False)
+    by_story: list[Iterable[tuple[float, ...]]] = [
+        zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
+        for values in (stories, *told)
+    ]
+    cells = zip(stories.height.tolist(), *by_story, strict=False)
     return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
-
-
-def _by_story(values: StoryValues | None) -> Iterable[tuple[float, ...]]:
-    return zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
@@ -237,9 +236,18 @@ def building_step(
     runs : sequence of Run
         All runs of the building.
     """
+    # All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle.
+    of_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        of_motion.setdefault(run.motion, []).append(run)
+    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
+    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
+    spread = (run for run in chain.from_iterable(rounds) if run is not None)
+
+    # What collapses or fails tells no step: others are tried in its place.
     step, looked_at = math.inf, 0
     enough = min(max(_FEWEST, len(runs) // 4), _MOST)
-    for run in islice(_spread_runs(records, runs), _TRIED):
+    for run in islice(spread, _TRIED):
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
@@ -255,16 +263,6 @@ def building_step(
         if looked_at == enough:
             break
     return step if looked_at else None
-
-
-def _spread_runs(records: Mapping[int, Record], runs: Sequence[Run]) -> Iterator[Run]:
-    """All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle."""
-    of_motion: dict[int, list[Run]] = {}
-    for run in sorted(runs, key=lambda run: abs(run.scale)):
-        of_motion.setdefault(run.motion, []).append(run)
-    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
-    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
-    return (run for run in chain.from_iterable(rounds) if run is not None)
 
 
 def _spread(items: Sequence[Item]) -> Iterator[Item]:
@@ -406,7 +404,14 @@ class Batch:
             check=self.settings.check,
             to_rest=self.settings.until_rest,
         )
-        again = [job for i, failure in outcomes.failures.items() for job in self._again(jobs[i], failure, results)]
+        again = []
+        for i, failure in outcomes.failures.items():
+            job = jobs[i]
+            # A finer step may help what did not converge; of the others the failure is all that there is to tell.
+            if failure.status in _REPEATED and job.repeats < REPEATS:
+                again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+            else:
+                results.runs.append(self._row(job, failure.status))
         demanded, statuses = demand_cells(outcomes.stories), outcomes.status
         for i, job in enumerate(jobs):
             if i in outcomes.failures:
@@ -426,13 +431,6 @@ class Batch:
             if self.settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, check)
         return again
-
-    def _again(self, job: _Job, failure: FailedRun, results: Rows) -> list[_Job]:
-        """The run with half of the step; where that is of no use its row joins the results."""
-        if failure.status in _REPEATED and job.repeats < REPEATS:
-            return [_Job(job.run, finer(job.steps), job.repeats + 1)]
-        results.runs.append(self._row(job, failure.status))
-        return []
 
     def _row(self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any) -> RunRow:
         """The row of a run; without values of one without a result."""
@@ -483,28 +481,22 @@ def do(chunk: Chunk) -> Done:
     began = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
-    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.buildings, strict=True)])
+
+    # Sa(T1) of each building's motions: of one motion the periods of all buildings at once.
+    spectral: list[dict[int, float | None]] = [{} for _ in subjects]
+    users: dict[int, list[int]] = {}
+    for place, part in enumerate(chunk.buildings):
+        for motion in dict.fromkeys(run.motion for run in part.runs):
+            users.setdefault(motion, []).append(place)
+    for motion, places in users.items():
+        values = spectral_accelerations(chunk.records[motion], [subjects[place].period for place in places])
+        for place, value in zip(places, values, strict=True):
+            spectral[place][motion] = value
     rows = Rows()
     for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(part.number, subject, motions, sa, chunk.settings)
         rows.extend(batch.results(part.runs, part.largest))
     return Done(chunk.number, rows, time.thread_time() - began)
-
-
-def _spectral(
-    records: Mapping[int, Record], buildings: list[tuple[Subject, tuple[Run, ...]]]
-) -> list[dict[int, float | None]]:
-    """Sa(T1) of each building's motions: of one motion the periods of all buildings at once."""
-    spectral: list[dict[int, float | None]] = [{} for _ in buildings]
-    users: dict[int, list[int]] = {}
-    for place, (_, runs) in enumerate(buildings):
-        for motion in dict.fromkeys(run.motion for run in runs):
-            users.setdefault(motion, []).append(place)
-    for motion, places in users.items():
-        values = spectral_accelerations(records[motion], [buildings[place][0].period for place in places])
-        for place, value in zip(places, values, strict=True):
-            spectral[place][motion] = value
-    return spectral
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:

@@ -59,7 +59,10 @@ class Cluster:
             if None in given:
                 raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
             for file in given:
-                _check_readable(str(file))
+                try:
+                    read_at_most(str(file), MOST_BYTES, UsageError)
+                except OSError as error:
+                    raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
         elif any(given):
             raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
         elif not is_loopback(parts.hostname or ""):
@@ -86,14 +89,6 @@ def _parts(address: str) -> Any:
     ):
         raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
     return parts
-
-
-def _check_readable(file: str) -> None:
-    """Raise UsageError for a certificate that cannot be read."""
-    try:
-        read_at_most(file, MOST_BYTES, UsageError)
-    except OSError as error:
-        raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
 def is_loopback(host: str) -> bool:
@@ -155,22 +150,18 @@ def _connect(cluster: Cluster) -> Any:
 
     # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
     threading.Thread(target=connect, daemon=True).start()
-    client = _waited_for(answer, cluster.address)
+    client: Any = TimeoutError("waited for ten seconds")
+    for seconds in (_SILENT, _PATIENCE - _SILENT):
+        try:
+            client = answer.get(timeout=seconds)
+            break
+        except Empty:
+            if seconds == _SILENT:
+                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
     if isinstance(client, Exception):
         text = " ".join(str(client).split()) or type(client).__name__
         raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
     return client
-
-
-def _waited_for(answer: Queue[Any], address: str) -> Any:
-    """A client or an error; that it is waited for is said after a second, and ends after ten."""
-    for seconds in (_SILENT, _PATIENCE - _SILENT):
-        try:
-            return answer.get(timeout=seconds)
-        except Empty:
-            if seconds == _SILENT:
-                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", address)
-    return TimeoutError("waited for ten seconds")
 
 
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:

@@ -119,11 +119,10 @@ class ParameterSweep:
         if count > _MOST:
             raise UsageError(f"the sweep has {count} variations of each building; {_MOST} are the most")
         grid = [dict(zip(self.grids, values, strict=True)) for values in itertools.product(*self.grids.values())]
-        return [point | draw for point in grid for draw in self._draws()]
-
-    def _draws(self) -> list[dict[str, float]]:
         if not self.random:
-            return [{}]
+            return grid
+
+        # Draws of a Latin hypercube: each parameter's range is covered, however few there are.
         from scipy.stats import qmc
 
         parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(self.samples)
@@ -132,7 +131,7 @@ class ParameterSweep:
         for draw in draws:
             for name, value in draw.items():
                 check_value(name, value)
-        return draws
+        return [point | draw for point in grid for draw in draws]
 
     def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
         """All variations of some models, those of one after those of the other.

@@ -225,7 +225,12 @@ def ida(
     chosen = measure or sa(subject.period)
     parts = [(motion, record) for motion in suite for record in components(motion)]
     records = [record for _, record in parts]
-    _check_names(records)
+    names = [record.name for record in records]
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise UsageError(f"{twice[0]}: this record is given twice")
+    if not names:
+        raise UsageError("no record: an incremental dynamic analysis needs one at least")
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     works = [
@@ -420,15 +425,6 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     limits = np.minimum(limits, _ELASTIC * collapse_drift)
     spectral = sa(2.0 * math.pi / omega).of(record) / omega**2
     return float(np.min(limits / (ratios * spectral)))
-
-
-def _check_names(records: Sequence[Record]) -> None:
-    names = [record.name for record in records]
-    twice = [name for i, name in enumerate(names) if name in names[:i]]
-    if twice:
-        raise UsageError(f"{twice[0]}: this record is given twice")
-    if not names:
-        raise UsageError("no record: an incremental dynamic analysis needs one at least")
 
 
 def _identity(

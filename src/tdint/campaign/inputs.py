@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -205,13 +205,10 @@ def _check_costs(file: str, rows: tuple[InventoryRow, ...]) -> None:
     for name in (COST, NUMBER):
         if name in [column.lower() for column in rows[0].columns]:
             bad = [row.id for row in rows if (text := row.cell(name)) and not number(text) >= 0.0]
-            faults += _faults(file, name, bad, _no_amount) if bad else []
+            if bad:
+                faults += _faults(file, name, bad, lambda _, text: no_number(text, "zero or a positive number"))
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
-
-
-def _no_amount(_: str, text: str) -> str:
-    return no_number(text, "zero or a positive number")
 
 
 def _placed(
@@ -382,9 +379,11 @@ def _sequence(
 ) -> Iterator[SuiteMotion]:
     """A motion for each component that all shocks of a sequence have."""
     of_shocks: list[list[Record]] = []
+    common = sequences.choice
     for shock in shocks:
-        wanted = sequences.choice
-        choice = replace(wanted, component=shock.component or wanted.component, units=_units(shock) or wanted.units)
+        # What a row says of its file counts before what is said of all; an inventory is for the other rows.
+        units = {"*": shock.units} if shock.units else common.units
+        choice = replace(common, component=shock.component or common.component, units=units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
@@ -398,11 +397,6 @@ def _sequence(
     for records in zip(*of_shocks, strict=True):
         whole = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
-
-
-def _units(shock: _Shock) -> dict[str, str]:
-    """What a row says of the units of its file; an inventory is for the other rows."""
-    return {"*": shock.units} if shock.units else {}
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:
@@ -421,21 +415,19 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     by_motion: dict[tuple[str, str], dict[float, None]] = {}
     for name, (line, text) in zip(names, table.lines("factor"), strict=True):
         by_motion.setdefault(name, {})[_factor(file, line, text)] = None
-    return FactorTable(file, {name: tuple(factors) for name, factors in by_motion.items()}, _told_beside(file))
 
-
-def _told_beside(file: str) -> Mapping[str, Any]:
-    """What `tdint scale` wrote beside a table of factors, if it is of this one; a table needs no such file."""
+    # What `tdint scale` wrote beside the table, if it is of this one; a table needs no such file.
     beside = Path(file.removesuffix(".gz")).with_suffix(".json")
     try:
-        told = json.loads(text := read_at_most(beside, MOST_BYTES, ModelError))
-        content = read_at_most(file, MOST_BYTES, ModelError)
-        ours = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == sha256(content).hexdigest()
+        told = json.loads(content := read_at_most(beside, MOST_BYTES, ModelError))
+        digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
+        is_of_this = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest
     except (OSError, ValueError, KeyError, TypeError, ModelError):
-        return {}
-    if ours:
-        note_input(beside, text)
-    return dict(told) if ours else {}
+        is_of_this = False
+    if is_of_this:
+        note_input(beside, content)
+    factors = {name: tuple(numbers) for name, numbers in by_motion.items()}
+    return FactorTable(file, factors, dict(told) if is_of_this else {})
 
 
 def _factor(file: str, line: int, text: str) -> float:

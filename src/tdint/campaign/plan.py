@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.run import Subject
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile, ParameterSweep
+from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
@@ -203,18 +203,14 @@ class Plan:
         factors = self._factors(sources, draws)
         parts = []
         for place, (number, part) in enumerate(chosen):
-            runs = [
-                Run(draw.motion, self._in_grid(draw) * scale, draw.sample)
-                for draw in draws[place]
-                for scale in factors[place, draw.motion]
-            ]
+            runs = []
+            for draw in draws[place]:
+                # Levels of a value leave of a draw's own factor its sign alone.
+                factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
+                runs += [Run(draw.motion, factor * scale, draw.sample) for scale in factors[place, draw.motion]]
             largest = self._largest_step(number, sources[place], runs)
             parts.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
         return tuple(parts)
-
-    def _in_grid(self, draw: Draw) -> float:
-        """What a draw's own factor leaves to be multiplied: of levels of a value its sign alone."""
-        return math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
         """The largest step of a building for the tolerance, s: found once, whatever chunks its runs are in."""
@@ -266,7 +262,14 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """
     motions, notes = inputs.motions, list[str]()
     buildings = _buildings(campaign, inputs, notes)
-    levels = _levels(campaign, inputs)
+    levels: Levels
+    if isinstance(campaign.intensity, Scales):
+        levels = campaign.intensity
+    elif isinstance(campaign.intensity, MeasureLevels):
+        levels = replace(campaign.intensity, motions=motions.motions)
+    else:
+        assert inputs.factors is not None
+        levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
     if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
         peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
         notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
@@ -287,7 +290,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         far=inputs.far,
         outputs=campaign.outputs,
-        style=(campaign.style, str(Path(campaign.source).parent.absolute())),
+        style=(campaign.style, str(Path(campaign.source).parent.absolute()) if campaign.style else ""),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
         damage=damage,
@@ -300,45 +303,30 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    buildings, analysis = campaign.buildings, campaign.analysis
-    if isinstance(buildings, InventoryFile):
+    """The buildings with their methods: that of the campaign, of a model, or the default, which is noted."""
+    inventory, analysis = campaign.buildings, campaign.analysis
+    if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).told_at_its_place():
-            return inventory_buildings(inputs.rows, _rules(buildings, analysis, notes))
+            if analysis.method is None:
+                notes.append(f"no method is named, {DEFAULT_METHOD} is used")
+            rules = Rules(
+                name=inventory.rules,
+                stiffness=inventory.stiffness_scatter,
+                damping=inventory.damping_scatter,
+                seed=inventory.seed,
+                method=analysis.method or DEFAULT_METHOD,
+                collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
+                p_delta=bool(analysis.p_delta),
+            )
+            return inventory_buildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
-    return given_buildings([_subject(model, analysis.method, notes) for model in inputs.models])
-
-
-def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
-    """A building with its method: that of the campaign, of the model, or the default, which is noted."""
-    chosen = method or model.analysis.method
-    if chosen is None:
-        chosen = DEFAULT_METHOD
-        notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
-    subject = Subject(model, chosen)
-    notes += [f"{model.source}: {text}" for text in doubts(model, subject.prepared.building)]
-    return subject
-
-
-def _rules(inventory: InventoryFile, analysis: AnalysisWishes, notes: list[str]) -> Rules:
-    if analysis.method is None:
-        notes.append(f"no method is named, {DEFAULT_METHOD} is used")
-    return Rules(
-        name=inventory.rules,
-        stiffness=inventory.stiffness_scatter,
-        damping=inventory.damping_scatter,
-        seed=inventory.seed,
-        method=analysis.method or DEFAULT_METHOD,
-        collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
-        p_delta=bool(analysis.p_delta),
-    )
-
-
-def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
-    intensity = campaign.intensity
-    if isinstance(intensity, Scales):
-        return intensity
-    if isinstance(intensity, MeasureLevels):
-        return replace(intensity, motions=inputs.motions.motions)
-    assert inputs.factors is not None
-    return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions.motions)})
+    subjects = []
+    for model in inputs.models:
+        method = analysis.method or model.analysis.method
+        if method is None:
+            method = DEFAULT_METHOD
+            notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
+        subjects.append(Subject(model, method))
+        notes += [f"{model.source}: {text}" for text in doubts(model, subjects[-1].prepared.building)]
+    return given_buildings(subjects)

@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -173,18 +173,16 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     if len(names) == 1:
         raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
     bases = {(repr(other.scale), repr(other.level)): other for other in profiles if other.building == baseline}
-    return [
-        _ratios(profile, base, quantity)
-        for profile in profiles
-        if profile.building != baseline and (base := bases.get((repr(profile.scale), repr(profile.level)))) is not None
-        for quantity in STORY
-    ]
-
-
-def _ratios(profile: Profile, base: Profile, quantity: Quantity) -> Ratios:
-    ours, theirs = profile.statistics(quantity), base.statistics(quantity)
-    values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
-    return Ratios(profile.building, base.building, profile.scale, profile.level, quantity, **values)
+    compared = []
+    for profile in profiles:
+        base = bases.get((repr(profile.scale), repr(profile.level)))
+        if base is None or profile.building == baseline:
+            continue
+        for quantity in STORY:
+            ours, theirs = profile.statistics(quantity), base.statistics(quantity)
+            values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
+            compared.append(Ratios(profile.building, baseline, profile.scale, profile.level, quantity, **values))
+    return compared
 
 
 def _over(ours: Array, theirs: Array) -> Array:
@@ -298,11 +296,19 @@ class SuiteRules:
         """Those of a campaign."""
         settings = {name: json.loads(value) for name, value in store.settings().items()}
         values = sorted(settings.get("levels", ()), key=abs)
-        return cls(motion_numbers(store.records()), values, has_levels(store), _measure(settings) if values else _RANK)
+        measure = _RANK
+        if values:
+            name, period = settings["measure"], settings["period"]
+            unit = measure_at(name, SA_DAMPING, 1.0).unit
+            measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
+        return cls(motion_numbers(store.records()), values, has_levels(store), measure)
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
-        for rank, keys in enumerate(_by_level(status)):
+        by_rank: dict[int, list[Run]] = defaultdict(list)
+        for key, rank in level_ranks(status).items():
+            by_rank[rank].append(key)
+        for rank, keys in sorted(by_rank.items()):
             scales = {key.scale for key in keys}
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
@@ -318,12 +324,6 @@ class SuiteRules:
                 len(failed),
                 self.measure,
             )
-
-
-def _measure(settings: Mapping[str, Any]) -> tuple[str, str]:
-    """What the levels of a campaign are values of, and its unit."""
-    name, period = settings["measure"], settings["period"]
-    return f"{name}({period})" if name in SPECTRAL else name, measure_at(name, SA_DAMPING, 1.0).unit
 
 
 def has_levels(store: Store) -> bool:
@@ -388,14 +388,6 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     return {
         key: rank for keys in factors.values() for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
     }
-
-
-def _by_level(runs: Iterable[Run]) -> list[list[Run]]:
-    """The runs of each level."""
-    levels: dict[int, list[Run]] = defaultdict(list)
-    for key, rank in level_ranks(runs).items():
-        levels[rank].append(key)
-    return [levels[rank] for rank in sorted(levels)]
 
 
 # ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the motions

@@ -317,7 +317,11 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     records = section.need("records", "give `files` or a `grid`")
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
-    chosen = _chosen(stated) if stated and stated.is_list else None
+    # A list chooses all tables that are written, keys add to what is usual.
+    chosen = None
+    if stated and stated.is_list:
+        items = stated.items("a list of tables", "is empty; name at least one table") or ()
+        chosen = tuple(table for item in items if (table := item.choice(_TABLES, "table")))
     outputs = stated.section(_OUTPUTS) if stated and chosen is None else None
     dt = analysis.get("dt")
     read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
@@ -342,12 +346,6 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         outputs=chosen,
         style=section.text("style") or "",
     )
-
-
-def _chosen(value: Value) -> tuple[str, ...]:
-    """The tables that a list chooses."""
-    items = value.items("a list of tables", "is empty; name at least one table") or ()
-    return tuple(name for item in items if (name := item.choice(_TABLES, "table")))
 
 
 def _check_together(section: Section) -> None:
@@ -429,19 +427,15 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
-    return Scales(_scales(section))
-
-
-def _scales(section: Section) -> tuple[float, ...]:
-    value = section.get("scales")
-    items = value.items("a list of factors", "is empty; give at least one factor") if value else None
+    factors = section.get("scales")
+    items = factors.items("a list of factors", "is empty; give at least one factor") if factors else None
     numbers: dict[float, None] = {}
     for item in items or ():
-        number = item.number(ANY)
-        if number == 0.0:
+        factor = item.number(ANY)
+        if factor == 0.0:
             item.fault("must not be zero")
-        numbers[number] = None
-    return tuple(numbers)
+        numbers[factor] = None
+    return Scales(tuple(numbers))
 
 
 def _levels(section: Section) -> MeasureLevels | None:
@@ -459,21 +453,17 @@ def _levels(section: Section) -> MeasureLevels | None:
         return None
     quantity = "acceleration" if name in ("pga", *SPECTRAL) else "velocity"
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
-    period = _period(section, name)
-    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
-
-def _period(section: Section, name: str) -> float | None:
-    """The period of the measure; None for that of each building."""
-    value = section.get("period")
+    # The period of a spectral measure, by default that of each building; others have none.
+    period, stated = None, section.get("period")
     if name not in SPECTRAL:
-        if value:
-            value.fault(f"{name} has no period")
-        return 1.0
-    if value is None or value.is_word(_FIRST):
-        return None
-    number = value.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
-    return None if math.isnan(number) else number
+        period = 1.0
+        if stated:
+            stated.fault(f"{name} has no period")
+    elif stated and not stated.is_word(_FIRST):
+        seconds = stated.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
+        period = None if math.isnan(seconds) else seconds
+    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
 
 def _level(value: Value, quantity: str) -> float:

@@ -241,11 +241,10 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     columns = ", ".join(peak.column for peak in PEAKS)
     for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
-    return {key: _median(np.array(rows, dtype=np.float64)) for key, rows in runs.items()}
-
-
-def _median(rows: Array) -> Array:
-    """Of each column; nan where a run in two has no value: a collapse has none, and is no small peak."""
-    ordered = np.sort(rows, axis=0)  # nan last: larger than any peak
-    middle = (rows.shape[0] - 1) / 2.0
-    return np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    medians = {}
+    for key, rows in runs.items():
+        # A run without a value, as a collapse is, counts as larger than any peak: where one in two has none, nan.
+        ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
+        middle = (len(rows) - 1) / 2.0
+        medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    return medians

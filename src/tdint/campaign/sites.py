@@ -72,12 +72,19 @@ def read_grid(grid: GridFile) -> FoundMotions:
         raise RecordError(
             f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
         )
+    columns = ("GP_file", "Longitude", "Latitude")
+    table = read_table(grid.file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
+    table.need(*columns)
+    degrees = _degrees(table, "Longitude", "Latitude")
+    points = list(zip(table.texts("GP_file", empty=False), degrees, strict=True))
+
+    # The motions of each point; a record that stands in several files is read once.
     folder = Path(grid.file).parent
     motions: list[SuiteMotion] = []
     numbers: dict[str, tuple[int, ...]] = {}
     failures: list[RecordError] = []
-    points, of_points = [], []
-    for file, place in _points(grid.file):
+    of_points = []
+    for file, _ in points:
         of_point: list[PointMotion] = []
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
@@ -88,7 +95,6 @@ def read_grid(grid: GridFile) -> FoundMotions:
                     failures.append(error)
                 numbers[name] = tuple(range(first, len(motions)))
             of_point.append((numbers[name], factor))
-        points.append((file, place))
         of_points.append(of_point)
     if not motions:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
@@ -374,15 +380,6 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
     return tuple(kept if field.pairs else (replace(motion, whole=motion.record, direction=1) for motion in kept))
 
 
-def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
-    """The file of each point of a grid, and its longitude and latitude, degrees."""
-    columns = ("GP_file", "Longitude", "Latitude")
-    table = read_table(file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
-    table.need(*columns)
-    places = _degrees(table, "Longitude", "Latitude")
-    return list(zip(table.texts("GP_file", empty=False), places, strict=True))
-
-
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
     """The places of rows, degrees."""
     east, north = table.numbers(longitude), table.numbers(latitude)
@@ -396,16 +393,12 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
     needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
     table = read_table(file, needs, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
-    return list(zip(names, _factors(table), strict=True))
-
-
-def _factors(table: CsvTable) -> list[float]:
-    """The factor of each row, 1 where nothing is said."""
-    if not table.has("factor"):
-        return [1.0] * len(table.rows)
-    factors = table.numbers("factor", empty=True)
-    table.check("factor", (value != 0.0 for value in factors), "must not be zero")
-    return [1.0 if math.isnan(factor) else factor for factor in factors]
+    factors = [1.0] * len(names)
+    if table.has("factor"):
+        numbers = table.numbers("factor", empty=True)
+        table.check("factor", (number != 0.0 for number in numbers), "must not be zero")
+        factors = [1.0 if math.isnan(number) else number for number in numbers]
+    return list(zip(names, factors, strict=True))
 
 
 def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
@@ -426,7 +419,16 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    content = _read_json(file)
+    try:
+        data = read_at_most(file, MOST_BYTES, RecordError)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(data) > MOST_BYTES:
+        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
+    try:
+        content: object = json.loads(data, parse_int=float)  # all numbers are floats then
+    except (ValueError, RecursionError) as error:
+        raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
         raise RecordError(f"{file}: needs dT and data_x")
     dt = content["dT"]
@@ -445,18 +447,3 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     if len(records) == 2 and records[0].acceleration.size != records[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
     return records
-
-
-def _read_json(file: Path) -> object:
-    """What a JSON file holds; all its numbers are floats."""
-    try:
-        data = read_at_most(file, MOST_BYTES, RecordError)
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > MOST_BYTES:
-        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
-    try:
-        content: object = json.loads(data, parse_int=float)
-    except (ValueError, RecursionError) as error:
-        raise RecordError(f"{file}: not JSON: {error}") from None
-    return content

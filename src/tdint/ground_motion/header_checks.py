@@ -6,7 +6,8 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -285,13 +286,18 @@ def look_at_gse(data: bytes) -> list[int]:
         A section is cut off, damaged, or holds another number of samples than its header states.
     """
     counts = []
-    for version, lines in _sections(data):
+    for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
+        if section[:3] != b"WID":
+            continue
+        # The station's line, where there is one, is read by itself.
+        lines, version = section.split(b"\n"), section[3:4].decode()
+        heading = 2 if version == "1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
         npts, datatype, compressed = _FIELDS[version]
         count = lines[0][npts].strip()
         if not count.isdigit():
             raise Damaged("a section does not tell its number of samples")
         if lines[0][datatype].strip() == compressed:
-            _check_compressed(lines[1:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
+            _check_compressed(lines[heading:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
         counts.append(int(count))
     return counts
 
@@ -305,16 +311,6 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
         for count, trace in zip(counts, traces, strict=True)
         for statement in (Statement(SAMPLES, count, len(trace.data)), Statement(CHECKSUM, 0.0, 0.0))
     ]
-
-
-def _sections(data: bytes) -> Iterator[tuple[str, list[bytes]]]:
-    """The sections of a file, each from its WID line on, without the station's line, which is read by itself."""
-    for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
-        if section[:3] != b"WID":
-            continue
-        lines = section.split(b"\n")
-        heading = 2 if section[:4] == b"WID1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
-        yield section[3:4].decode(), [lines[0], *lines[heading:]]
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
@@ -355,7 +351,12 @@ def look_at_timeseries(data: bytes) -> list[tuple[int, float]]:
         header, last = _TIMESERIES.match(section), _PAIR.search(section[-200:])
         if not header:
             raise Damaged("a header TIMESERIES does not tell samples, rate and time")
-        sections.append((int(header[1]), _between(header[3], last[1]) if last else math.nan))
+        length = math.nan
+        if last:
+            with suppress(ValueError, TypeError):  # A text that is no time, or one with a zone beside one without.
+                start, end = (datetime.fromisoformat(text.decode("ascii")) for text in (header[3], last[1]))
+                length = (end - start).total_seconds()
+        sections.append((int(header[1]), length))
     return sections
 
 
@@ -404,25 +405,12 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
     return statements
 
 
-def _between(first: bytes, last: bytes) -> float:
-    """Seconds from one printed time to another; nan if one is none."""
-    try:
-        start, end = (datetime.fromisoformat(text.decode("ascii")) for text in (first, last))
-        return (end - start).total_seconds()
-    except (ValueError, TypeError):
-        return math.nan
-
-
 def _same_number(stated: int, count: int) -> None:
     if stated != count:
         raise Damaged(f"it has {stated} headers of channels, {count} could be read")
 
 
 # ---- Check
-
-
-def _nothing(_: bytes) -> None:
-    return None
 
 
 @dataclass(frozen=True)
@@ -438,7 +426,7 @@ class Check:
     """
 
     statements: Callable[[Any, list[Any]], list[Statement]]
-    look: Callable[[bytes], Any] = _nothing
+    look: Callable[[bytes], Any] = lambda _: None
 
 
 CHECKS = {

@@ -239,24 +239,21 @@ def _label(record: Record) -> str:
 
 def _done(record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0) -> Record:
     """The record with new samples, beginning some seconds later, and a note of what was done."""
+    start = record.start
+    if start and later:
+        try:
+            start = (datetime.fromisoformat(start) + timedelta(seconds=later)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        except (ValueError, OverflowError):  # Not a date that Python's calendar has.
+            start = ""
     return replace(
         record,
         acceleration=samples,
         dt=dt or record.dt,
-        start=_shifted(record.start, later),
+        start=start,
         notes=(*record.notes, note),
         processing=(*record.processing, note),
         peaks=(None, None),
     )
-
-
-def _shifted(start: str, seconds: float) -> str:
-    if not start or seconds == 0.0:
-        return start
-    try:
-        return (datetime.fromisoformat(start) + timedelta(seconds=seconds)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-    except (ValueError, OverflowError):  # Not a date that Python's calendar has.
-        return ""
 
 
 def trim(record: Record, start: float | None, end: float | None) -> Record:

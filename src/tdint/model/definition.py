@@ -411,7 +411,14 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
-        return self.changed({name: _number(name, given) for name, given in changes.items()})
+        numbers = {}
+        for name, given in changes.items():
+            check_parameter(name)
+            try:
+                numbers[name] = parse_ratio(given) if isinstance(given, str) else float(given)
+            except (TypeError, ValueError):
+                raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
+        return self.changed(numbers)
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
         """The same of numbers by name."""
@@ -428,7 +435,18 @@ class Model:
                 touched[change.story] = touched.get(change.story, False) or change.of_law
         stories = list(self.stories)
         for i, law_set in touched.items():
-            stories[i] = _with_numbers(self.stories[i], table[i], law_set)
+            story, row = stories[i], table[i]
+            law, stiffness_of = Law(story.law.name, tuple(row[OF_LAW:])), LAWS[story.law.name].initial_stiffness
+            stories[i] = replace(
+                story,
+                mass=row[MASS],
+                height=None if story.height is None else row[HEIGHT],
+                # Of a law that has its own stiffness it follows where the law was set.
+                stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else row[STIFFNESS],
+                law=law,
+                dashpot=row[DASHPOT],
+                power_dashpot=PowerDashpot(*row[POWER]) if story.power_dashpot else None,
+            )
             if fault := LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters):
                 raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
         varied = tuple({**dict(self.varied), **numbers}.items())
@@ -513,20 +531,6 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
     height = math.nan if story.height is None else story.height
     return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
-
-
-def _with_numbers(story: Story, numbers: Sequence[float], law_set: bool) -> Story:
-    """The story with other numbers; the stiffness of a law that has its own follows where the law was set."""
-    law, stiffness_of = Law(story.law.name, tuple(numbers[OF_LAW:])), LAWS[story.law.name].initial_stiffness
-    return replace(
-        story,
-        mass=numbers[MASS],
-        height=None if story.height is None else numbers[HEIGHT],
-        stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else numbers[STIFFNESS],
-        law=law,
-        dashpot=numbers[DASHPOT],
-        power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
-    )
 
 
 def _law_numbers(law: Law) -> list[tuple[str, int, int, LawParameter]]:
@@ -623,15 +627,6 @@ def check_parameter(name: str) -> None:
     hint = f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
     names = ", ".join(PARAMETERS)
     raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`")
-
-
-def _number(name: str, given: float | str) -> float:
-    """The number of a parameter, or that of a text such as `2%`."""
-    check_parameter(name)
-    try:
-        return parse_ratio(given) if isinstance(given, str) else float(given)
-    except (TypeError, ValueError):
-        raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
 
 
 def check_value(name: str, value: float) -> None:

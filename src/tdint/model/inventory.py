@@ -307,13 +307,11 @@ def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
 ) -> DerivedBuilding | CapacityBuilding:
     """The building of one row; parameters are those of `derive_all`, which checks them."""
-    scatter = _scatter(row.id, stiffness, damping, seed) if stiffness or damping else None
+    scatter = None
+    if stiffness or damping:
+        random = np.random.default_rng([seed, *row.id.encode()])
+        scatter = Scatter(_factor(random, stiffness), _factor(random, damping))
     return RULES[rules](row.facts, scatter)
-
-
-def _scatter(name: str, stiffness: float, damping: float, seed: int) -> Scatter:
-    random = np.random.default_rng([seed, *name.encode()])
-    return Scatter(_factor(random, stiffness), _factor(random, damping))
 
 
 def _factor(random: np.random.Generator, deviation: float) -> float:
@@ -334,7 +332,11 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         "stories:",
     ]
     for story in building.stories:
-        law = _trilinear(story) if isinstance(building, DerivedBuilding) else _multilinear(story, building.degradation)
+        if isinstance(building, DerivedBuilding):
+            values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
+            law = ", ".join([f"type: {story.law.name}", *(f"{key.name}: {value!r}" for key, value in values)])
+        else:
+            law = _multilinear(story, building.degradation)
         lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
         lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
     damping = building.damping
@@ -343,11 +345,6 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     else:
         form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
     return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])
-
-
-def _trilinear(story: Story) -> str:
-    values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
-    return ", ".join([f"type: {story.law.name}", *(f"{parameter.name}: {value!r}" for parameter, value in values)])
 
 
 def _multilinear(story: Story, degradation: bool) -> str:

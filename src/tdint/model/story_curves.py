@@ -320,22 +320,18 @@ def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[A
     return np.asarray(slopes), np.asarray(f - base @ slopes)
 
 
-def _search(d: Array, f: Array, start: Array, *, flat: bool) -> tuple[Array, Array, float]:
+def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
+    """Corners, looked for from parts of `start` on, and the slopes between them."""
     low = 0.5 * float(d[d > 0.0][0])
 
     def squares(corners: Array) -> float:
         inside = np.clip(corners, low, 1.0)
         return float(np.sum(_least_squares(d, f, inside, flat=flat)[1] ** 2))
 
-    best = np.clip(minimize(squares, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14}).x, low, 1.0)
-    corners = np.sort(best)
-    return corners, _least_squares(d, f, corners, flat=flat)[0], squares(corners)
-
-
-def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
-    """Corners, looked for from parts of `start` on, and the slopes between them."""
-    corners, slopes, squares = _search(d, f, start * np.array(parts), flat=flat)
-    return np.concatenate([corners, slopes]), squares
+    search = {"xatol": 1e-7, "fatol": 1e-14}
+    best = minimize(squares, start * np.array(parts), method="Nelder-Mead", options=search).x
+    corners = np.sort(np.clip(best, low, 1.0))
+    return np.concatenate([corners, _least_squares(d, f, corners, flat=flat)[0]]), squares(corners)
 
 
 def _multilinear(d: Array, f: Array, start: float) -> Corners:

@@ -521,7 +521,9 @@ def fit_cloud(
     for values, name in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
         _check_positive(values, name)
     below = ~above & (y < lightest)
-    if not _tells(x, ~(above | below)):
+    # Those known to be below help a line that others tell: three known exactly, of more than one intensity.
+    exact = ~(above | below)
+    if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
     intercept, slope, sigma, covariance = _line(np.log(x), np.log(np.where(below, lightest, y)), above, below)
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
@@ -542,12 +544,6 @@ def fit_cloud(
             )
         )
     return results
-
-
-def _tells(im: Array, exact: NDArray[np.bool_]) -> bool:
-    """Whether the demands that are known exactly tell a line and a scatter, with those beside them known to be below:
-    three of them, and more than one intensity (those below have others)."""
-    return int(np.sum(exact)) > 2 and np.unique(im[exact]).size > 1
 
 
 def _line(x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]) -> tuple[float, float, float, Array]:

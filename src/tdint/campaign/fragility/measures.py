@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,7 +257,16 @@ class RunIntensities:
         self._names = {number: keys[:2] for number, keys in records.items()}
         self._pairs = {number: number - 1 for number, (*_, direction) in records.items() if direction > 1}
         settings = {name: json.loads(value) for name, value in store.settings().items()}
-        self._levels = sorted(settings["levels"], key=abs) if self._is_levelled(settings) else []
+        # What the campaign has brought to levels of this measure has these.
+        name, period = settings.get("measure"), settings.get("period")
+        at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
+        is_levelled = (
+            name is not None
+            and settings.get("damping", SA_DAMPING) == SA_DAMPING
+            and measure.called.format(FIRST) == f"{name}{at}"
+            and (name != "sa-avg" or period == FIRST)
+        )
+        self._levels = sorted(settings["levels"], key=abs) if is_levelled else []
         self.unit = measure.unit
         column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._own = None if self._levels else column
@@ -268,8 +276,8 @@ class RunIntensities:
             if not self._file.is_file():
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
-            name, unit = column_of(table, measure.column)
-            self._place, self._factor = table.header.index(name), unit_factor(unit)[1]
+            column_name, unit = column_of(table, measure.column)
+            self._place, self._factor = table.header.index(column_name), unit_factor(unit)[1]
             self.unit = measure.unit or unit_factor(unit)[0]
             self._rows = iter(table.rows)
 
@@ -279,13 +287,6 @@ class RunIntensities:
         if not self._pairs or self._levels:
             return ""
         return f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both components"
-
-    def _is_levelled(self, settings: Mapping[str, Any]) -> bool:
-        name, period = settings.get("measure"), settings.get("period")
-        if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
-            return False
-        at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
-        return self._measure.called.format(FIRST) == f"{name}{at}" and (name != "sa-avg" or period == FIRST)
 
     def of(self, of: BuildingDamage) -> Array:
         """The intensity of each run of a building, SI units, shape (runs,); nan where there is none."""

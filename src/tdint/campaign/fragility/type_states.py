@@ -171,7 +171,20 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     if request is None:
         return ClassDamage()
     states = _read_states(request) if request.source not in ("", HAZUS, CAPACITY) else {}
-    return ClassDamage(states, _read_losses(request) if request.loss_file else {})
+    if not request.loss_file:
+        return ClassDamage(states)
+
+    # Loss ratios: a column for each state and, if wanted, one for a collapse.
+    table = read_table(request.loss_file, "losses are a CSV file with the column class and one for each damage state")
+    columns = {state: state for state in request.states}
+    if table.has(sections.COLLAPSE):
+        columns[sections.COLLAPSE] = sections.COLLAPSE
+    rows = _of_classes(table, columns)
+    for name, values in rows.items():
+        if not all(map(sections.LOSS.allow, values.values())):
+            raise ModelError(f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
+    losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
+    return ClassDamage(states, losses)
 
 
 def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
@@ -195,20 +208,6 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
         except UsageError as error:
             raise ModelError(f"{request.source}: class {name}: {error}") from None
     return by_class
-
-
-def _read_losses(request: DamageWishes) -> dict[str, tuple[float, ...]]:
-    """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`."""
-    assert request.loss_file is not None
-    table = read_table(request.loss_file, "losses are a CSV file with the column class and one for each damage state")
-    columns = {state: state for state in request.states}
-    if table.has(sections.COLLAPSE):
-        columns[sections.COLLAPSE] = sections.COLLAPSE
-    rows = _of_classes(table, columns)
-    for name, values in rows.items():
-        if not all(map(sections.LOSS.allow, values.values())):
-            raise ModelError(f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
-    return {name: sections.losses_of(values, request.states) for name, values in rows.items()}
 
 
 def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
@@ -271,17 +270,21 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
     of_buildings: list[BuildingType] = []
     for building in buildings:
         if isinstance(building, RowBuilding):
-            facts = building.row.facts
+            rules, facts = building.rules, building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(request, classes, name, facts)
-            row = _of_row(building, states.demand)
+            if rules.stiffness or rules.damping or building.row.changes:
+                divisor_and_period = _of_model(building.subject().model, states.demand)
+            else:  # Buildings that differ by their size alone are made once.
+                alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
+                divisor_and_period = _of_facts(alike, rules.name, states.demand)
         else:
             model = building.made.model
             name = model.name
             states = types.get(name) or (_states(request, classes, name) if request else _own(model, models))
-            row = _of_model(model, states.demand)
+            divisor_and_period = _of_model(model, states.demand)
         types[name] = states
-        of_buildings.append(BuildingType(name, *row))
+        of_buildings.append(BuildingType(name, *divisor_and_period))
     return Damage(types, of_buildings)
 
 
@@ -344,15 +347,6 @@ def own_type(model: Model) -> BuildingType | None:
         It has not what the demand is made of.
     """
     return BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
-
-
-def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
-    """Divisor and period of a building of an inventory; alike ones are made once."""
-    rules, facts = source.rules, source.row.facts
-    if rules.stiffness or rules.damping or source.row.changes:
-        return _of_model(source.subject().model, demand)
-    alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
-    return _of_facts(alike, rules.name, demand)
 
 
 @lru_cache(maxsize=10_000)

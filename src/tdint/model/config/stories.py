@@ -5,7 +5,7 @@ lists for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -39,22 +39,17 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
         needed = parameter.default is None and parameter.without is None
-        inner = _inner(parameter, group)
+        inner, bounds = _inner(parameter, group), _bounds(parameter)
         if parameter.group == group:
-            keys[parameter.name] = Key(parameter.name, _kind(parameter), needed=needed)
+            kind: ValueKind = EntriesOf(bounds, least=1) if parameter.many else bounds
+            if parameter.points:
+                kind = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+            keys[parameter.name] = Key(parameter.name, kind, needed=needed)
         elif inner and inner not in keys:
             mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
-            whole = (_bounds(parameter), mapping, Choice(("none",)))
+            whole = (bounds, mapping, Choice(("none",)))
             keys[inner] = Key(inner, Either(whole) if parameter.shared else mapping, needed=needed)
     return tuple(keys.values())
-
-
-def _kind(parameter: LawParameter) -> ValueKind:
-    """What stands under the key of a parameter."""
-    bounds = _bounds(parameter)
-    if parameter.points:
-        return EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
-    return EntriesOf(bounds, least=1) if parameter.many else bounds
 
 
 def _inner(parameter: LawParameter, group: str) -> str:
@@ -84,7 +79,17 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law is None:
         return LINEAR, math.nan
     parameters = _read_parameters(section, law, unit) if section else ()
-    return Law(law.name, parameters), _own_stiffness(value, law, parameters, unit)
+    read = Law(law.name, parameters)
+    if law.initial_stiffness is None:
+        return read, None
+
+    # The initial stiffness follows from the parameters; it may not be one even if each of them is right.
+    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
+    if stiffness <= 0.0 or stiffness == math.inf:
+        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
+        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
+        return read, math.nan
+    return read, stiffness
 
 
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
@@ -122,7 +127,10 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     for parameter in law.parameters:
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
-            read = _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
+            items = entry.items(_LIST, "must hold at least one number") if entry else None
+            bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
+            # The j-th is force over length to the power j.
+            read = tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers) or (math.nan,)
         elif parameter.points:
             read = _read_points(groups[parameter.group], parameter, unit, earlier)
         else:
@@ -206,26 +214,6 @@ def _bounds(parameter: LawParameter) -> Bounds:
     return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
 
 
-def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
-    """The numbers of a `many` parameter in SI: the j-th is force length^-j."""
-    items = value.items(_LIST, "must hold at least one number")
-    if not items:
-        return (math.nan,)
-    return tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in enumerate(items, start=1))
-
-
-def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], unit: ModelUnits) -> float | None:
-    """The initial stiffness that follows from the law's parameters, checked to be positive."""
-    if law.initial_stiffness is None:
-        return None
-    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
-    if stiffness <= 0.0 or stiffness == math.inf:
-        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
-        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
-        return math.nan
-    return stiffness
-
-
 def check_together(value: Value | None, law: Law, stiffness: float) -> None:
     """Note what is wrong with a law's parameters and the initial stiffness (N/m) together."""
     if value is None or math.isnan(stiffness) or any(math.isnan(parameter) for parameter in law.parameters):
@@ -287,13 +275,25 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    law, own_stiffness = read_law(section.get("law"), unit)
+    law, stiffness_of_law = read_law(section.get("law"), unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
+    mass, story_height = _read_mass(section, unit), height.number(scale=unit.length) if height else None
+
+    # The initial stiffness is that of the law, where this has one: another beside it must say the same.
+    factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
+    if stiffness_of_law is None:
+        stiffness = section.number("stiffness", scale=factor)
+    else:
+        stated = given.number(scale=factor) if given else stiffness_of_law
+        if given and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
+            initial = f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
+            given.fault(f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out")
+        stiffness = stiffness_of_law
     story = Story(
-        mass=_read_mass(section, unit),
-        height=height.number(scale=unit.length) if height else None,
-        stiffness=_read_stiffness(section, own_stiffness, law, unit),
+        mass=mass,
+        height=story_height,
+        stiffness=stiffness,
         law=law,
         dashpot=dashpot,
         power_dashpot=power_dashpot,
@@ -341,16 +341,3 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     below = section.number("linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0)
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
     return 0.0, PowerDashpot(coefficient, exponent, below)
-
-
-def _read_stiffness(section: Section, of_law: float | None, law: Law, unit: ModelUnits) -> float:
-    """The initial stiffness, N/m, from the key `stiffness` or from the law's `own` one."""
-    factor = unit.factor(force=1, length=-1)
-    if of_law is None:
-        return section.number("stiffness", scale=factor)
-    given = section.get("stiffness")
-    stiffness = given.number(scale=factor) if given else of_law
-    if given and abs(stiffness - of_law) > _AGREEMENT * of_law:
-        initial = f"the initial stiffness {of_law / factor:.10g} of its {law.name} law"
-        given.fault(f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or leave it out")
-    return of_law
