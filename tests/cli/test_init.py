@@ -115,7 +115,7 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
     [
         (("init", "--type", "C9", "--year", 1985, "--area", 1), 2, "unknown type 'C9'; known: W1"),
         (("init", "--type", "C1", "--year", 1985), 2, "--type needs --year and --area"),
-        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2, "--period has nothing to act on with --type; the rules of the type give the period"),
+        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2, "of the type give the period"),
         (("init", "--year", 1985), 2, "--year has nothing to act on without --type"),
         (("init", "--period", 0), 2, "--period"),
         (("init", "forced.yaml"), 6, "forced.yaml: exists already"),

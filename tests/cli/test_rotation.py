@@ -128,7 +128,7 @@ def test_what_is_no_pair(folder, tdint, names, message):
     [
         (["--rotd", "101"], "--rotd"),
         (["--rotd", "a"], "--rotd"),
-        (["--rotd", "50", "--component", "HNE"], "--component has nothing to act on with --rotd; leave --component out"),
+        (["--rotd", "50", "--component", "HNE"], "--component has nothing to act on with --rotd"),
         (["--rotd", "50", "--method", "newmark"], "--method has nothing to act on with --rotd"),
         (["--rotd", "50", "--ductility", "2"], "--rotd has nothing to act on with --ductility or --strength"),
     ],

@@ -291,7 +291,7 @@ def test_a_target_is_drawn_over_the_spectra_of_records(folder, tdint):
     [
         (("other.mseed", "--target", EC8), "--target beside records is drawn: add --plot"),
         (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
-        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target has nothing to act on with --ductility"),
+        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target has nothing to act on"),
         (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
         (("--target", EC8, "--rotd", "50"), "--rotd has nothing to act on without RECORD; leave --rotd out"),
         (("--target", EC8, "--period", "5"), "asked for are 5 to 5 s"),
