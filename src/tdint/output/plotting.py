@@ -148,6 +148,7 @@ def plot(
     written = parse_style(style, "plot: style") if isinstance(style, str) else PrintedAs(style=str(style or "") or None)
     printed = PrintedAs(wide, font, title, tuple((label or {}).items())).over(written)
     if ax is not None:
+        # Axes of others: their figure decides on all but the lines.
         if file is not None or printed != PrintedAs():
             raise UsageError("on axes that are there, size, letters and file are those of their figure")
         if kind.on_axes is None:
@@ -155,9 +156,11 @@ def plot(
         with style_context():
             kind.on_axes(ax, several, output_units.in_pictures)
         return ax
+    # What draws asks for the looks where it stands, deep inside; they hold for this call alone.
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
+        # Drawn once, for the file as for the notebook.
         made = picture(path.suffix if path else ".png", lambda: kind.picture(several, output_units))
         figure = made.figure()
         if path is not None:
@@ -168,6 +171,7 @@ def plot(
 
 
 def _kind_of(results: _Shown) -> _Look:
+    # A picture of several shows one kind, side by side or in one panel.
     kinds = {type(result) for result in results}
     looks = _LOOKS.get(next(iter(kinds))) if len(kinds) == 1 else None
     if looks and (len(results) == 1 or not looks.alone):
@@ -178,6 +182,7 @@ def _kind_of(results: _Shown) -> _Look:
 
 def _compared(results: _Shown, units: OutputUnits) -> Figure:
     least, most, count = _PERIODS
+    # Below two sampling intervals a spectrum shows how samples are joined.
     periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
     return comparison_picture(results, periods, SA_DAMPING, units)
 
