@@ -330,17 +330,21 @@ class Batch:
         AnalysisError
             The method does not integrate this building.
         """
+        # A sequence depends on when the building has come to rest: each is made by itself.
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
                 results.extend(self._sequence(run, largest))
         runs = [run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)]
+        # Steps are those of a motion: all of its runs share them, whatever their factors.
         chosen = math.inf if largest is None else largest
         steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
+        # Without a step within the tolerance no run is worth its time; the rows tell why.
         if largest is None:
             results.runs += [self._row(job, "not-within-tolerance") for job in jobs]
             return results
+        # What failed comes back with a finer step, until nothing is left to be repeated.
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -353,8 +357,10 @@ class Batch:
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
+        # Where the shocks stand may hang on how long the building swings after each, at this scale.
         sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
         joined = case.under(sequence.whole)
+        # The joined record has the factor in it: it is one run at the scale 1, with intensities that are scaled before.
         spectral = self.spectral[run.motion]
         alone = replace(
             self,
@@ -364,10 +370,12 @@ class Batch:
         )
         rows = alone.results([run._replace(scale=1.0)], largest)
         (row,) = rows.runs
+        # Demands of each shock by itself; a run without a result has none to be divided.
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
             shocks = shocks_of(joined, sequence, steps, check=self.settings.check and bool(record.fixed))
             rows.shocks = shock_rows(self.number, run, shocks)
+            # Behind shocks that only damage the building the demands of the last one alone are those of the run.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
@@ -384,6 +392,7 @@ class Batch:
         steps = case.steps(self.settings.dt, duration)
         if largest == math.inf:
             return steps
+        # Halved and doubled steps keep times in common with the samples.
         doublings = math.floor(math.log2(largest / steps.h) + _SAME)
         if doublings > 0:
             return case.steps(steps.h * 2.0**doublings, duration)
@@ -412,11 +421,13 @@ class Batch:
                 again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))
+        # Demands of all runs at once, as arrays; rows then one by one.
         demanded, statuses = demand_cells(outcomes.stories), outcomes.status
         for i, job in enumerate(jobs):
             if i in outcomes.failures:
                 continue
             peaks = outcomes.stories_of(i)
+            # A run that was made by itself brings the estimate of its errors.
             check = outcomes.responses[i].check if i in outcomes.responses else None
             values = demanded[i] | {
                 "energy_error": float(outcomes.energy_error[i]),
@@ -478,6 +489,7 @@ class Done:
 
 def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
+    # Time of this thread alone: chunks are done side by side.
     began = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
@@ -493,6 +505,7 @@ def do(chunk: Chunk) -> Done:
         for place, value in zip(places, values, strict=True):
             spectral[place][motion] = value
     rows = Rows()
+    # All runs of a building go through one compiled call, where its steps are the same.
     for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(part.number, subject, motions, sa, chunk.settings)
         rows.extend(batch.results(part.runs, part.largest))
@@ -510,4 +523,5 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     except AnalysisError:
         if len(periods) == 1:
             return [None]
+    # One period too short spoils the call for all: then each is asked for alone.
     return [value for period in periods for value in spectral_accelerations(record, [period])]

@@ -53,6 +53,7 @@ class Cluster:
     key: str | None = None
 
     def __post_init__(self) -> None:
+        # Whoever reaches a scheduler runs programs on it: beyond this machine certificates are a must.
         parts = _parts(self.address)
         given = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
@@ -74,6 +75,7 @@ class Cluster:
 
 
 def _parts(address: str) -> Any:
+    # A port that is no number shows only when it is asked for.
     try:
         parts = urlsplit(address)
         port = parts.port
@@ -136,6 +138,7 @@ def _connect(cluster: Cluster) -> Any:
         from distributed import Client, Security
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'tdint[dask]', here and for the workers") from None
+    # Where certificates are given nothing may go unencrypted.
     security = Security(
         tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
     )
@@ -150,6 +153,7 @@ def _connect(cluster: Cluster) -> Any:
 
     # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
     threading.Thread(target=connect, daemon=True).start()
+    # A scheduler that answers late is waited for, and that is said; one that says nothing is given up.
     client: Any = TimeoutError("waited for ten seconds")
     for seconds in (_SILENT, _PATIENCE - _SILENT):
         try:
@@ -167,10 +171,12 @@ def _connect(cluster: Cluster) -> Any:
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
     from distributed import KilledWorker, as_completed
 
+    # Workers may lack the user's own methods: their files travel with every chunk.
     plugins = files_to_send()
     running = as_completed(loop=client.loop)
     under_way = 0
 
+    # Some chunks more than there are threads, so that no worker waits; workers may come and go.
     def width() -> int:
         threads: dict[str, int] = client.nthreads()
         return _AHEAD * max(1, sum(threads.values()))
@@ -182,6 +188,7 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
         running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
         return 1
 
+    # Chunks are made as they are sent: all of them at once would fill the memory.
     while under_way < width() and go_on():
         under_way += 1
     for future in running:
@@ -191,6 +198,7 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
             raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
         except TdintError:
             raise
+        # The scheduler forgets a result that is here.
         future.release()
         yield done
         under_way -= 1

@@ -302,6 +302,7 @@ class IdaCurve:
         """
         if threshold >= self.collapse_drift:
             return self.collapse
+        # The first crossing counts: a curve may come back below a drift at a higher level.
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
@@ -426,6 +427,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
         The building collapses before.
     """
 
+    # A failed run and a collapse count as beyond any drift: the factor lies below theirs.
     def reached(factor: float) -> float:
         case = subject.case(main, factor)
         try:
@@ -458,6 +460,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
     sequence = sequence_of(case, [scaled, scaled], dt=dt)
     alone = ShockSequence(sequence.records[:1], (0,))
     joined = case.under(alone.whole)
+    # The second one stands where the building has come to rest: that is how long it takes.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
     (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
     return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)

@@ -138,6 +138,7 @@ class Plan:
     def chunk(self, number: int) -> Chunk:
         """A chunk with all that its runs need. Errors are those of intensity measures that a motion does not have."""
         first, last = int(self._cuts[number]), int(self._cuts[number + 1])
+        # A chunk may begin and end within a building: its slice of that building's runs.
         at = int(np.searchsorted(self._ends, first, side="right"))
         chosen: list[tuple[int, slice]] = []
         while first < last:
@@ -154,6 +155,7 @@ class Plan:
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
+        # Of an inventory all buildings have the same wishes: some of them are enough.
         analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
@@ -167,6 +169,7 @@ class Plan:
     def _counts(self) -> NDArray[np.int64]:
         """Runs of each building."""
         counts: dict[int, int] = {}
+        # Buildings that draw alike have as many runs: counted once, for there may be a million.
         alike = [self.assignment.alike(building) for building in range(len(self.buildings))]
         for building, key in enumerate(alike):
             if key not in counts:
@@ -187,10 +190,12 @@ class Plan:
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
         stories = np.array([building.stories for building in self.buildings])
         counts = np.maximum(self._counts, 1)
+        # What a run costs, by its steps and stories, and by the building that is made for it.
         each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
         costs = np.cumsum(each * counts)
         length = min(max(costs[-1] / _CHUNKS, _SHORTEST), _LONGEST)
         targets = np.arange(length, costs[-1], length)
+        # Cuts by costs, not by numbers of runs: chunks then take about the same time.
         at = np.searchsorted(costs, targets)
         into = targets - (costs[at] - each[at] * counts[at])
         cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
@@ -217,6 +222,7 @@ class Plan:
         tolerance = self.settings.tolerance
         if tolerance is None:
             return math.inf
+        # Several threads may have runs of one building: who comes first chooses, the others wait.
         with self._choosing:
             mine = number not in self._chosen
             if mine:
@@ -236,6 +242,7 @@ class Plan:
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
         """The factors by the place of a building and the number of a motion."""
+        # By motion: its spectrum is computed once for the periods of all buildings.
         users: dict[int, list[int]] = {}
         for place, of_building in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in of_building):
@@ -273,6 +280,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
         peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
         notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
+    # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     if (
         damage
@@ -280,6 +288,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         and any("residual" in type_.demand for type_ in damage.types.values())
     ):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
+    # All that is said before the runs goes along: what was left out, and what may surprise.
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
@@ -305,6 +314,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
     """The buildings with their methods: that of the campaign, of a model, or the default, which is noted."""
     inventory, analysis = campaign.buildings, campaign.analysis
+    # An inventory has rules for all rows; their scatter is drawn by the id of each.
     if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).told_at_its_place():
             if analysis.method is None:
@@ -321,6 +331,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             return inventory_buildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
+    # Models may bring methods of their own, unless the campaign names one for all.
     subjects = []
     for model in inputs.models:
         method = analysis.method or model.analysis.method

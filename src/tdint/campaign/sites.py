@@ -86,6 +86,7 @@ def read_grid(grid: GridFile) -> FoundMotions:
     of_points = []
     for file, _ in points:
         of_point: list[PointMotion] = []
+        # A record that cannot be read is told once, and its draws are without it.
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
                 first = len(motions)
@@ -100,6 +101,7 @@ def read_grid(grid: GridFile) -> FoundMotions:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
     if grid.events:
         return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
+    # Points that lose all of their motions drop out: buildings near them draw from the others.
     kept = [
         (place, tuple(motion for motion in motions if motion[0]))
         for (_, place), motions in zip(points, of_points, strict=True)
@@ -113,6 +115,7 @@ def _rows_as_events(
     source: str, points: Sequence[tuple[str, tuple[float, float]]], of_points: Sequence[Sequence[PointMotion]]
 ) -> FieldMotions:
     """The field in which the k-th row of each point's file is event k."""
+    # An event is a row of all files: rows that are missing somewhere would shift those below.
     count = len(of_points[0])
     for (file, _), motions in zip(points, of_points, strict=True):
         if len(motions) != count:
@@ -149,6 +152,7 @@ def read_field(field_file: FieldFile) -> FoundMotions:
         No record can be read.
     """
     places = _site_places(field_file.sites) if field_file.sites else {}
+    # Rows first: a fault in the table shows before any record is read.
     rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
     records = _FieldRecords(field_file)
     motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
@@ -178,6 +182,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
         if name in rates:
             raise ModelError(f"{file}:{line}: event {name!r} is there twice")
         rates[name] = value
+    # An event without a rate would be left out of every annual loss without a word.
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
@@ -213,6 +218,7 @@ class _FieldRows:
     def twice(self, file: str) -> list[str]:
         """What is wrong with rows of an event and a site that an earlier row has."""
         site, event, *_ = self.arrays()
+        # Event and site as one number: equal ones stand side by side once sorted.
         key = event.astype(np.int64) * len(self.sites) + site
         order = np.argsort(key, kind="stable")
         again = np.flatnonzero(np.diff(key[order]) == 0)
@@ -240,6 +246,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     file = field.file
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
     columns = (*_EVENTS, *_SITES, "record", "component", "factor")
+    # Row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
     table.need(event, "record", *([site] if field.sites else ()))
@@ -247,6 +254,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     names = (event, "record", site, "component", value)
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
+    # Faults are gathered up to a number, so that one look at the file mends them all.
     rows, faults = _FieldRows(sites), list[str]()
     for line, cells in lines:
         if len(faults) >= _MOST_FAULTS:
@@ -254,6 +262,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
         if table.overfull(cells):
             faults.append(f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
+        # Cells that are missing at the end are empty ones.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
         event_name, record, place, component, text = (cells[number].strip() for number in at)
         missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
@@ -269,6 +278,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             faults.append(f"{file}:{line}: {value} {no_number(text, 'a positive number' if measure else 'a number')}")
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
+        # Names become numbers, 24 bytes a row.
         else:
             rows.site.append(sites.setdefault(place, len(sites)))
             rows.event.append(rows.events.setdefault(event_name, len(rows.events) + 1))
@@ -289,6 +299,7 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
     """The column of factors, or of OpenQuake's intensities, gmv_PGA, gmv_PGV or gmv_SA(0.6), its unit in SI, and the
     measure of these; no column where all factors are 1."""
     columns = [name for name in table.header if name.startswith("gmv_")]
+    # A column of factors goes before OpenQuake's intensities, which may then be any number.
     if table.has("factor") or not columns:
         return "factor" * table.has("factor"), 1.0, None
     match = _GMV.fullmatch(columns[0])
@@ -348,6 +359,7 @@ class _FieldRecords:
 
     def _read(self, record: str, component: str) -> tuple[SuiteMotion, ...]:
         field, file = self._wanted, resolve(record, Path(self._wanted.file).parent)
+        # Records of SimCenter's events are JSON, all others are records as elsewhere.
         if file.endswith(".json"):
             return _json_motions(file, component, field)
         choice = replace(field.choice, component=component or field.choice.component)
@@ -365,6 +377,7 @@ class _FieldRecords:
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
     """The components of a motion as SimCenter has them."""
+    # Such a file says nothing of its units.
     unit = file_units(field.choice.units).of(file, "JSON")
     if unit is None:
         raise RecordError(f"{file}: does not say its units; give `units` of the records")
@@ -431,6 +444,7 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
         raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
         raise RecordError(f"{file}: needs dT and data_x")
+    # Python's JSON takes nan and Infinity, too.
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
         limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"

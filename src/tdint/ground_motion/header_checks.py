@@ -95,6 +95,7 @@ def look_at_gcf(data: bytes) -> int:
     for place in range(0, len(data), _BLOCK):
         system, stream, clock, _, rate, compression, records = _GCF_HEADER.unpack_from(data, place)
         block = f"block {place // _BLOCK}"
+        # Blocks without a rate hold words on the recorder's state.
         if not rate:
             if compression & 7 != _STATUS or not records:
                 raise Damaged(f"{block} is neither one of samples nor one of words")
@@ -393,6 +394,7 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
         header = trace.stats.get("knet")
         if header is None:
             raise Damaged("its header has no end")
+        # The header has no number of samples: duration and rate tell it.
         length = header.duration * trace.stats.sampling_rate
         if not (math.isfinite(length) and length > 0.0):
             raise Damaged("its header gives no length that a record can have")

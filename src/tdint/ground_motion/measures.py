@@ -263,6 +263,7 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     if abs(first) > _JUMP * record.pga:
         share = abs(first) / record.pga
         notes.append(f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?")
+    # A baseline that drifts shows in the velocity first; only without that the displacement is looked at.
     end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv

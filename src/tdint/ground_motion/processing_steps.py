@@ -141,6 +141,7 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     band : float
         Frequency, Hz, up to which amplitudes are kept to 2e-5.
     """
+    # A longer interval stretches the sinc, so that what the new samples cannot hold is gone.
     stretch = max(1.0, new / dt)
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0
     half = math.ceil(stretch * (_ATTENUATION - 7.95) / (2.0 * 2.285 * math.pi * _TRANSITION))
@@ -264,6 +265,7 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
         raise RecordError(
             f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at {record.duration:.6g} s"
         )
+    # Ends between samples are taken inwards: nothing is made up.
     first = math.ceil(start / record.dt - _ROUNDING)
     last = math.floor(end / record.dt + _ROUNDING)
     if last <= first:

@@ -209,6 +209,7 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
     shortest = min(record.dt for record in records)
     refined = []
     for record in records:
+        # Only whole multiples keep each sample, and with straight lines in between the motion itself.
         whole = round(record.dt / shortest)
         if abs(record.dt / shortest - whole) > _SAME * whole:
             raise UsageError(

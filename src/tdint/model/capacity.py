@@ -186,9 +186,11 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     participation = float(weighted.sum() / (weighted * mode).sum())
     effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
     above = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
+    # Four points, which is what the law of the stories has.
     points = np.array(four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
     forces = effective * GRAVITY * np.outer(above, points[:, 1])
+    # The published program brings forces to the period of the curve by one more factor.
     if facts.as_published and n > 1:
         lowest = solve_modes(shares, above, links).omega[0] ** 2
         frequency = 2.0 * math.pi / curve.period
@@ -253,6 +255,7 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     points_of: dict[str, list[tuple[float, float]]] = {}
     for name, *point in zip(names, *(table.numbers(column) for column in _POINT), strict=True):
         points_of.setdefault(name, []).append((point[0], point[1]))
+    # A flag on one row of a class is one of the class.
     flags = {
         flag: {name for name, true in zip(names, table.truths(flag), strict=True) if true}
         for flag in ("soft_story", "degradation")

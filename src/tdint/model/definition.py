@@ -411,6 +411,7 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
+        # Texts such as 2% are ratios, as in a file.
         numbers = {}
         for name, given in changes.items():
             check_parameter(name)
@@ -422,6 +423,7 @@ class Model:
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
         """The same of numbers by name."""
+        # Changes act one after the other on the numbers of the stories, factors on what was set before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping, touched = self.damping, dict[int, bool]()
         for name, value in numbers.items():
@@ -433,6 +435,7 @@ class Model:
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
                 touched[change.story] = touched.get(change.story, False) or change.of_law
+        # Only what was touched is made anew, and judged by its law as in a file.
         stories = list(self.stories)
         for i, law_set in touched.items():
             story, row = stories[i], table[i]
@@ -533,28 +536,25 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
 
 
-def _law_numbers(law: Law) -> list[tuple[str, int, int, LawParameter]]:
-    """Of each number of a law its key, the exponents of force and length in its dimension, and its bounds."""
-    numbers: list[tuple[str, int, int, LawParameter]] = []
-    for parameter in LAWS[law.name].parameters:
-        path = f"law.{parameter.path}"
-        if parameter.points:
-            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
-        elif parameter.many:
-            count = len(law.parameters) - len(numbers)
-            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
-        else:
-            numbers.append((path, parameter.force, parameter.length, parameter))
-    return numbers
-
-
 def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
     """What each name changes in a story: columns of its numbers, whether as a factor, and bounds.
 
     With a law that has its own stiffness all of its forces grow with the stiffness.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    law = list(enumerate(_law_numbers(story.law), start=OF_LAW))
+    # Of each number of the law its key, the exponents of force and length in its dimension, and its bounds.
+    numbers: list[tuple[str, int, int, LawParameter]] = []
+    for parameter in LAWS[story.law.name].parameters:
+        path = f"law.{parameter.path}"
+        if parameter.points:
+            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
+        elif parameter.many:
+            count = len(story.law.parameters) - len(numbers)
+            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
+        else:
+            numbers.append((path, parameter.force, parameter.length, parameter))
+    law = list(enumerate(numbers, start=OF_LAW))
+    # What has the dimension of a stiffness or a strength goes with the factor on it.
     stiff = [at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)]
     strong = [at for at, (_, force, length, _) in law if (force, length) == (1, 0)]
     columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
@@ -582,11 +582,13 @@ def changes_of(model: Model, name: str) -> list[Change]:
     check_parameter(name)
     if name == "damping":
         return []
+    # Keys in the words of model files, or of messages: stories[3] and story 3 are the same.
     said = _NAME.fullmatch(name)
     number, key = (said[1] or said[2], said[3]) if said else (None, name)
     if number and not 1 <= int(number) <= len(model.stories):
         raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
     places = [int(number) - 1] if number else range(len(model.stories))
+    # In each story a key may mean another number: laws differ.
     columns = {i: _columns(model.stories[i]) for i in places}
     changes = [Change(i, *column) for i in places for column in columns[i].get(key, ())]
     if not changes and key == "strength_factor":

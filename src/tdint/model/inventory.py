@@ -116,6 +116,7 @@ def read_inventory(
     needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
     table = read_table(source, needs, columns=columns)
     table.need(*needed)
+    # Columns by their place: other ones are carried along, but not read.
     places = {name: table.header.index(name.lower()) for name in columns if table.has(name)}
     carried = _Carried.of(table)
     faults: list[ModelFault] = []
@@ -123,12 +124,14 @@ def read_inventory(
     seen: dict[str, int] = {}
     for line, cells in table.rows:
         row = _Row(table, line, cells, places, faults)
+        # One cell too many shifts those behind it: nothing in the row can be trusted.
         if table.overfull(cells):
             width = len(table.header)
             row.fault(width, "", f"{how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
         facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
         building = row.building(facts, carried)
+        # By its id a building is found again in tables, and draws are made.
         if building and building.id in seen:
             row.fault(
                 places["id"],
@@ -192,6 +195,7 @@ class _Row:
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
             self.fault(self._places["class"], "class", f"unknown {name!r}; known: {names}" if name else "is missing")
+        # All cells are read before the first fault ends it, so that all are told.
         stories = self._whole("NumberOfStories", 1, MOST_STORIES)
         height = self._number("height", POSITIVE) * length if given("height") else None
         mass = self._number("mass_kg", POSITIVE) if given("mass_kg") else UNIT_MASS
@@ -331,6 +335,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         f"name: {json.dumps(name, ensure_ascii=False)}",
         "stories:",
     ]
+    # All numbers to the last digit: the file gives the same building as the rules.
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
             values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
@@ -355,6 +360,7 @@ def _multilinear(story: Story, degradation: bool) -> str:
         f"type: multilinear-pinching, backbone: [{points}], "
         f"pinching: {{drift: {drift!r}, force: {force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
     )
+    # Parameters that lose nothing are left out, as in files that people write.
     if not degradation:
         return text
     names = ("peak", "work", "peak_exponent", "work_exponent", "limit")

@@ -172,6 +172,7 @@ def _tuple(sensors: Any) -> tuple[Sensor, ...]:
 
 
 def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:
+    # Two ways to name what is meant in a file, each for its kind of file.
     column, sign_entry = value.peek("column"), value.peek("sign")
     if column and given["column"] and given["component"]:
         column.fault("is for a table, component for a record; leave one of them out")

@@ -186,6 +186,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
     if not kinds:
         raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
+    # What is asked for decides among kinds that the columns allow; nothing is guessed between two.
     suited = [kind for kind in kinds if request.fit in (None, *kind.fits)]
     if not suited:
         possible = " or ".join(dict.fromkeys(fit for kind in kinds for fit in kind.fits))
@@ -194,6 +195,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         both = " and of ".join(",".join(kind.columns) for kind in suited)
         fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
         raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
+    # The dispersion of the model is not fitted: each function takes it along.
     result = suited[0].fit(table, request)
     functions = [replace(function, beta_model=request.beta_model) for function in result.functions]
     return replace(result, functions=tuple(functions))
@@ -207,6 +209,7 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         table.check(name, counts == np.floor(counts), "must be a whole number")
     table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
 
+    # The counts go along with the function, for pictures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
         levels, all_runs = im[chosen], total[chosen]
         function = fit_stripes(levels, hits[chosen], all_runs)
@@ -217,6 +220,7 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
+    # A row without a capacity tells nothing, not even that the building stood: it is left out and told.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     finite = np.isfinite(capacity)
@@ -248,10 +252,12 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing nor as collapse."""
+    # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such levels.
     runs = _runs_of(table, request)
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
+    # A cloud's runs have intensities of their own: each would be a stripe of one.
     if fit == STRIPES and not in_stripes:
         raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
@@ -332,9 +338,11 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     of = runs.result
     function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
     lost = int(np.sum(runs.failed))
+    # Nothing is known of runs that failed: at most all of them exceed, at least none.
     if not lost:
         return function
     every = np.ones_like(runs.result)
+    # With all counted in a fit may be impossible; then that bound is not known.
     bounds: list[Fragility | None] = []
     for counted in ((over & runs.result) | runs.failed, over & runs.result):
         try:
@@ -346,6 +354,7 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
 
 def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
     places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
+    # A level's intensities differ by rounding: their geometric mean stands for all.
     middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
     return fit_stripes(middle, [int(np.sum(over[place])) for place in places], [int(np.sum(place)) for place in places])
 
@@ -360,6 +369,7 @@ def _cloud(
     motion: NDArray[np.intp] | None = None,
 ) -> FragilityResult:
     _check_thresholds(table, request)
+    # Below the range that is asked for demands say nothing of damage, above it only that they are above.
     low, high = request.edp_range
     kept = edp >= low
     # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
@@ -371,6 +381,7 @@ def _cloud(
         functions = fit_cloud(im[kept], np.minimum(edp, high)[kept], request.thresholds, censored)
     except AnalysisError as error:
         return FragilityResult((), (error,))
+    # Counts stand beside it of the runs that are known to be on one side of the threshold.
     counted = [
         function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
         for function, of, over in zip(functions, told, beyond, strict=True)
@@ -383,11 +394,13 @@ def _by_threshold(
 ) -> list[Fragility | AnalysisError]:
     """A fit for each threshold of the table that is asked for; of all rows where it has no thresholds."""
     names = (table.only("im_name"), table.only("unit"))
+    # Without the column all rows are of one threshold, whatever it is.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(f"{table.source}: has no column threshold: one --threshold at most, the one it is for")
         every = np.ones(len(table.rows), bool)
         return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
+    # Thresholds went through a text: they are compared but for rounding.
     thresholds = np.array(table.numbers("threshold", empty=True))
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not there:
@@ -494,6 +507,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     OutputError
         The store cannot be read.
     """
+    # States of the campaign are told apart by type; a threshold is one for all buildings.
     if request.thresholds and by == TYPE:
         raise UsageError("functions by type are of the damage states of the campaign: leave --threshold out")
     if request.fit == IDA:
@@ -505,6 +519,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     if medians and len(names) != len(medians):
         raise UsageError(f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}")
     of_all = DamageStates("drift_ratio", names, medians) if medians else None
+    # The store is read once, building by building; fits follow when it is closed.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or of_all):
@@ -513,6 +528,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
         intensities = RunIntensities(store, folder, measure)
         of_types = type_runs(store, intensities, measure, by=by, states=of_all)
+    # What cannot be fitted says of which type and state, and stops no other.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
         if isinstance(function, AnalysisError)
@@ -588,6 +604,7 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     """The function of each state, or why there is none."""
     if not runs.im.size:
         return [AnalysisError("no run has a result") for _ in runs.states.states]
+    # Stripes need motions enough at every level, with the buildings of a type taken together.
     level = levels_of(runs.im)
     of_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # how many motions
     stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_TYPE_STRIPE
@@ -595,6 +612,7 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
+    # The same fit for all runs and, below, with some motions left out.
     def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         return _type_stripes(runs, level, taken) if chosen == STRIPES else _type_cloud(runs, request, taken)
 
@@ -631,6 +649,7 @@ def _beyond(runs: TypeRuns) -> Array:
 
 def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
     """Of probabilities of exceedance at levels."""
+    # Levels that keep a run after some were left out, numbered anew.
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
@@ -650,6 +669,7 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
     Of the states of a campaign each run is seen with three equally likely thresholds of their dispersion, which falls
     exceed whatever it is: beyond the heaviest state and below the lightest one no more is known. Of thresholds that
     are asked for all demands count as they are, so that no function hangs on which others are asked for."""
+    # A demand of zero has no logarithm, those below the range are elastic.
     low, high = request.edp_range
     kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
     im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
@@ -667,6 +687,7 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
+    # For the picture the demands themselves stand, not the three that each was seen with.
     below = ~limited & (demand < lightest)
     return [
         replace(

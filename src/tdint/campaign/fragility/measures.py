@@ -166,6 +166,7 @@ def _average(rest: str) -> RunMeasure:
     grid = parse_grid(rest if rest.count(":") == 2 else f"{rest}:{AVERAGE.count}") if rest else None
     if grid is not None and grid.count == 1:
         raise UsageError("an average needs a first and a last period")
+    # By default from periods of higher modes to those of the damaged building.
     where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
     where = f"{grid.first:g} to {grid.last:g} s" if isinstance(grid, Grid) else where
 
@@ -210,6 +211,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     names, records = store.buildings(), store.records()
     period = cache(lambda building: plan.buildings[building].subject().period)
 
+    # A record is measured once at the scale 1; what grows by no power of a factor is measured at each.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
@@ -220,6 +222,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
         return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
 
+    # Runs of a building stand together: its period is found once.
     keys = "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, sample"
     for building, motion, scale, sample in store.connection.execute(keys):
         values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
@@ -303,6 +306,7 @@ class RunIntensities:
     def _next(self, of: BuildingDamage, key: Run) -> float:
         """What the next row of measures.csv has, which is that of a run."""
         line, row = next(self._rows, (0, []))
+        # Rows are in the order of the runs: one that does not fit means another state of the folder.
         told = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
         if row[: len(_KEYS)] != told:
             raise ModelError(
@@ -398,15 +402,18 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+    # A collapse has no drift that could lie on a line.
     stood = (status == DONE) & (drift > 0.0)
     told, events = _characteristics(table, characteristics)
     logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **told}
     motions = events if events is not None else motions_of(table)
+    # What is the same in all runs explains nothing.
     logarithms = {name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1}
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
         im = of_pairs(table, np.array(table.numbers(column, empty=True)))
+        # Each measure on its own runs: a period too short for a record takes out few.
         taken = stood & (im > 0.0)
         parts = {about: values[taken] for about, values in logarithms.items()}
         fit = line(np.log(im[taken]), np.log(drift[taken]), parts, name, motions[taken])
@@ -427,12 +434,14 @@ def line(
         raise AnalysisError(f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}")
     if np.ptp(x) == 0.0:
         raise AnalysisError(f"{name}: is the same in all runs")
+    # In logarithms; beta is what the line leaves, with two numbers taken from the runs.
     fit = linregress(x, y)
     residual = y - (fit.intercept + fit.slope * x)
     beta = math.sqrt(float(residual @ residual) / (x.size - 2))
     dependences = []
     for about, values in characteristics.items():
         if np.ptp(values) > 0.0:
+            # What the line leaves must not depend on what the motion is (sufficiency).
             of = linregress(values, residual)
             p_value = of.pvalue if motion is None else _clustered(values, residual, motion)
             dependences.append(Dependence(about, float(of.slope), float(p_value)))
@@ -520,6 +529,7 @@ def with_measures(table: CsvTable) -> CsvTable:
     if table.source == "-" or not file.is_file():
         return table
     others = read_table(str(file), "the measures of a campaign are a table")
+    # By the names of the runs: the table may have been sorted since.
     cells = {key: row for key, (_, row) in zip(_keys(others), others.rows, strict=True)}
     places = [place for place, name in enumerate(others.header) if name not in table.header]
     rows = []
@@ -569,6 +579,7 @@ def _characteristics(table: CsvTable, file: str | Path | None) -> tuple[dict[str
         raise ModelError(f"{file}: {_NEEDS}")
     by_name = {name: dict(zip(records, given.numbers(name), strict=True)) for name in names}
     records_of_runs = table.texts("record")
+    # Of every record, or the dependence would be of those alone that happen to be known.
     missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
     if missing:
         raise ModelError(f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv")

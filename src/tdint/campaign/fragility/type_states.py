@@ -103,6 +103,7 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
 def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageWishes | None:
     """Thresholds by rules or of a table; None after a fault."""
     source = thresholds.text()
+    # Published thresholds belong to the rules whose types they are of.
     needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
     if needed and rules != needed:
         thresholds.fault(f"{source} has thresholds of buildings of an inventory by the rules {needed}")
@@ -111,16 +112,20 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     states = _names(section)
     if source is None or demand is None or states is None:
         return None
+    # A table does not say what its thresholds are of; published ones do.
     if not demand:
         section.need("demand", f"give one of {', '.join(DEMANDS)}")
         return None
+    # Published states are four, and only some demands have them.
     if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
         of = " or ".join(_OF_RULES[source])
         section.value.fault(f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out")
         return None
+    # Hazus has a dispersion of its own; beside capacity curves the user gives it.
     beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
         section.need("dispersion", "give 0 for thresholds that are exact")
+    # Losses are the same for all classes in the file itself, or by class in a table.
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None
     losses = sections.read_losses(of_all, states)
@@ -145,6 +150,7 @@ def _names(section: Section) -> tuple[str, ...] | None:
     if value is None:
         return STATES
     names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
+    # A name that is there twice would be one state in every table.
     given = tuple(name for name in names if name)
     if not given or len(set(given)) < len(names) or not all(map(sections.is_state, given)):
         value.fault("must be names, each its own: words of letters, digits, _ and -")
@@ -192,16 +198,19 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
     rows of a class one has them; the others may repeat them or be empty."""
     table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
+    # The unit stands in the columns' names, one for all states.
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
     there = (ending for ending in suffixes if table.has(*(f"{state}{ending}" for state in request.states)))
     suffix = next(there, next(iter(suffixes)))
     columns = {state: f"{state}{suffix}" for state in request.states}
+    # Without a dispersion in the campaign's file each class must have one.
     if request.dispersion is None:
         table.need(*columns.values(), "beta")
     rows = _of_classes(table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})})
     by_class = {}
     for name, values in rows.items():
         beta = values.pop("beta", request.dispersion or 0.0)
+        # What the medians may be together the states know themselves.
         try:
             medians = tuple(suffixes[suffix] * values[state] for state in request.states)
             by_class[name] = DamageStates(request.demand, request.states, medians, beta, request.losses)
@@ -217,6 +226,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
+        # Of the rows of a curve's points one alone may have the numbers of its class.
         if not any(text for _, text in texts.values()):
             continue
         values = {}
@@ -225,6 +235,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
             if math.isnan(values[key]) or values[key] < 0.0:
                 said = no_number(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
+        # Repeated numbers must be the same: which would count is nothing to guess.
         if by_class.setdefault(name, values) != values:
             raise ModelError(f"{table.source}:{line}: class {name} has other numbers in a row above")
     return by_class
@@ -263,9 +274,11 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
     ModelError
         A type has no states, or its buildings have not what the demand is made of.
     """
+    # Models may say their states themselves; then all of them must.
     models = [given.made.model for given in buildings if isinstance(given, GivenBuilding)]
     if request is None and not any(model.damage for model in models):
         return None
+    # The states of a type are looked for once, by its first building.
     types: dict[str, DamageStates] = {}
     of_buildings: list[BuildingType] = []
     for building in buildings:
@@ -314,6 +327,7 @@ def _states(
         states = classes.states[name]
     else:
         raise ModelError(f"{request.source}: has no damage thresholds of the class {name!r}")
+    # Losses may come from another file than thresholds, class by class.
     if request.loss_file and name not in classes.losses:
         raise ModelError(f"{request.loss_file}: has no losses of the class {name!r}")
     return replace(states, losses=classes.losses[name]) if request.loss_file else states
@@ -329,6 +343,7 @@ _HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
     """The states that a model says for itself, which are those of the others by name and demand."""
+    # Functions and losses are summed over models: they need the same states by the same demand.
     first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
         raise ModelError(f"{model.source}: says nothing of `damage`, as other models of the campaign do")

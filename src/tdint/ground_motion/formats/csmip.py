@@ -162,6 +162,7 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
         return Series(
             lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]), **_codes(texts)
         )
+    # Older files have pairs of time and acceleration, later ones equal steps.
     if not (line and equal):
         return read_pairs(lines, texts, **_codes(texts))
     lines.take()

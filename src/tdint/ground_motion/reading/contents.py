@@ -247,6 +247,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     try:
         if plugin.name != TABLES:
             layout.check_format(plugin.name)
+        # Before the reader of another program sees the bytes: some of them never end, or crash, on bad ones.
         looked_at = look_at(plugin.name, data)
         traces, messages = _read(plugin, data, layout)
         if damage := next(filter(_DAMAGE.search, messages), None):
@@ -261,6 +262,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(f"{source}: {error}") from error
     except struct.error as error:
         raise RecordError(f"{source}: the file is cut off within its header ({plugin.name})") from error
+    # A recorder's log is a channel, too, of text.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")

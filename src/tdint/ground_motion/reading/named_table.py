@@ -83,6 +83,7 @@ def read_named_table(source: str | Path) -> NamedTable:
     """
     data = read_bytes(source)
     lines = data.decode("utf-8-sig", "replace").splitlines()
+    # Beside semicolons and tabs a comma is a decimal point, so that these come first.
     mark = next((mark for mark in ("\t", ";", ",") if mark in lines[0]), ",")
     names = tuple(name.strip().strip("\"'") for name in lines[0].split(mark))
     rows = []

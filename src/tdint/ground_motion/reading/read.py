@@ -271,6 +271,7 @@ def make_record(
         label = name or "array"
         if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
             raise RecordError(f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s")
+        # An array becomes a trace first: units and doubts are then those of a file.
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
         with quiet_import():
             from obspy import Trace
@@ -395,6 +396,7 @@ def _components(
     elif single and len(components) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
     traces = [join(member.channel, member.label) for member in components]
+    # Components of one file go together; those of an archive's other files need not.
     for part, _ in parts:
         of_part = (trace for member, trace in zip(components, traces, strict=True) if member.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)

@@ -7,6 +7,7 @@ file each. The JSON schema for editors is made of the same declarations.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 import os
@@ -158,6 +159,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     if section is None:
         return Excitation(None, ())
     record, forces = section.get("record"), section.get("forces")
+    # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
         _read_record(record) if record else None,
@@ -299,10 +301,12 @@ def load_judged(
     origin, root = read_document(source)
     section = root.section(_MODEL)
     model = _read_model(section, origin) if section else None
+    # Words such as a method mean nothing here: who knows them judges, at their place.
     for path, judge in judges.items():
         value: Value | None = root
         for name in path.split("."):
             value = value.peek(name) if value else None
+        # What is no word at all the reader has told already.
         if value is None or value.is_list or value.is_mapping or not value.word:
             continue
         try:
@@ -369,6 +373,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_head=(head.parsed(parse_head) if head else None) or (),
         damage=read_damage(section.get("damage")),
     )
+    # A stream can be read once.
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already holds the model; give the record as a file")
@@ -385,9 +390,11 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         return stories, count, read_damping(damping, count)
     from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
 
+    # Rules bring their own damping, which the file may replace.
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
+    # Damping is looked at all the same, for its own faults.
     if derived is None:
         read_damping(damping, None)
         return (), None, None
@@ -425,6 +432,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     edits: list[tuple[int, int, str]] = []
     if stories is None:
         return None
+    # Entries stand for several stories: each is written out if its stories differ by now.
     first = 0
     for entry in stories.value:
         count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
@@ -433,6 +441,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
         edits.append(_with_stiffnesses(text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories))
     if damping is not None and after.damping != before.damping:
         edits.append((damping.start_mark.index, _end(damping), _damping_words(after.damping)))
+    # Paths in the file start from its folder, which is another one now.
     record = _entry(_entry(root, "excitation"), "record")
     source = after.excitation.record
     if record is not None and source is not None:
@@ -441,6 +450,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
             if node is not None and file not in (None, STDIN) and not Path(node.value).is_absolute():
                 path = os.path.relpath(str(file), place.parent)
                 edits.append((node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False)))
+    # The new text is read as any file: what it does not say so, nobody should get.
     text = _edited(text, edits)
     apart = copy_context()  # it is no input of the command
     apart.run(READ.set, None)
@@ -448,18 +458,17 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
         said = apart.run(load_model, io.StringIO(text))
     except ModelError:
         return None
-    numbers = [_numbers(model) for model in (said, after)]
-    same = [len(value) for value in numbers] == [len(numbers[0])] * 2 and all(
+
+    # The text must say what it should: stiffnesses, and the numbers of the damping one after the other.
+    numbers = []
+    for model in (said, after):
+        damping_numbers = astuple(model.damping) if model.damping is not None else ()
+        listed = [value if isinstance(value, tuple) else (value,) for value in damping_numbers]
+        numbers.append([*(story.stiffness for story in model.stories), *itertools.chain.from_iterable(listed)])
+    same = len(numbers[0]) == len(numbers[1]) and all(
         math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
     return text if same and type(said.damping) is type(after.damping) else None
-
-
-def _numbers(model: Model) -> list[float]:
-    """The stiffnesses, and the numbers of the damping one after the other."""
-    damping = astuple(model.damping) if model.damping is not None else ()
-    listed = [value if isinstance(value, tuple) else (value,) for value in damping]
-    return [*(story.stiffness for story in model.stories), *(value for values in listed for value in values)]
 
 
 _WRITTEN = 1e-11
@@ -493,6 +502,7 @@ def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: 
     alike = all(factor == factors[0] for factor in factors)
     stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")
     copies = []
+    # Where all stories change alike, the entry and its `repeat` stay as they are.
     for factor in factors[:1] if alike else factors:
         edits = []
         if stiffness is not None and factor != 1.0:
@@ -501,6 +511,7 @@ def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: 
         if not alike:
             edits.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
         copies.append(_edited(text[start:end], edits, start))
+    # Lists in brackets or with dashes: copies stand as the entry does.
     between = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
     return start, end, between.join(copies)
 

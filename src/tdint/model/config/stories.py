@@ -38,6 +38,7 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     """The keys of a law's mapping, or of one of its groups."""
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
+        # A parameter with a default, or a value for when its group is missing, may be left out.
         needed = parameter.default is None and parameter.without is None
         inner, bounds = _inner(parameter, group), _bounds(parameter)
         if parameter.group == group:
@@ -94,6 +95,7 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     """The law, None after a fault, and the section that holds its parameters, None if it was only named."""
+    # A bare name is enough for a law without parameters only.
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
@@ -103,6 +105,7 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
+    # After a fault in the name all keys of all laws are admitted, so that no fault follows from it.
     possible = [LAWS[name]] if name else LAWS.values()
     admitted = dict.fromkeys(["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)])
     section = value.section(list(admitted))
@@ -118,6 +121,7 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
+    # Groups from the outside in: where one stands hangs on the one around it.
     names = sorted(dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count("."))
     groups: dict[str, Section | float | None] = {"": section}
     for name in names:
@@ -136,6 +140,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
         else:
             read = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += read
+        # The default of a parameter may be another one before it.
         earlier.setdefault(parameter.name, read)
     return tuple(values)
 
@@ -150,6 +155,7 @@ def _read_group(
     if not group or not isinstance(around, Section):
         return around
     members = [parameter for parameter in law.parameters if parameter.group == group]
+    # A group whose parameters have no default cannot be left out.
     if members[0].default is None and members[0].without is None:
         value = around.need(name, f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}")
         if value is None:
@@ -158,6 +164,7 @@ def _read_group(
     if value is None or (members[0].shared and value.is_word("none")):
         return None
     names = [key.name for key in _keys(law, group)]
+    # One number may stand for all of a group.
     if members[0].shared and not value.is_mapping:
         expected = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
         return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), expected)
@@ -174,12 +181,14 @@ def _read_points(
     nothing = (math.nan,) * 8
     if isinstance(group, float):
         return nothing
+    # The other direction is that of the first one, where nothing is said of it.
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
         return earlier[parameter.default]
     value = group.need(parameter.name, f"give {_POINTS}") if group else None
     items = value.items(_POINTS) if value else None
     if value is None or items is None:
         return nothing
+    # All pairs are looked at before their number, so that all faults are told.
     pairs = [item.items("a point [drift, force]") for item in items]
     if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
         value.fault(f"must be {_POINTS}")
@@ -262,6 +271,7 @@ def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[
     count: int | None = 0
     for entry in entries:
         story, repeat = _read_entry(entry, unit, p_delta)
+        # Told before they are made: a `repeat` of a billion would fill the memory.
         if len(stories) + (repeat or 1) > MAX_STORIES:
             entry.fault(f"brings the model over {MAX_STORIES} stories; check `repeat`")
             return (), None
@@ -298,6 +308,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         dashpot=dashpot,
         power_dashpot=power_dashpot,
     )
+    # Isolators have no damping of the building's kind, unless that is said.
     isolator = section.get("isolator")
     if isolator and isolator.is_word(_DAMPED):
         story = replace(story, isolator=True)
@@ -313,10 +324,12 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
         return section.number("weight", scale=unit.force / STANDARD_GRAVITY)
+    # One of the two is needed; which of them is the user's.
     if not section.mentions("mass", "weight"):
         section.need("mass", "give a positive number, or the weight in its place")
         return math.nan
     mass = section.get("mass")
+    # With kN or mm a bare mass could be kg or t: it is not guessed.
     if mass and unit.mass_is_open:
         mass.fault(
             "its unit is not said, and the file's units are not m and N: add mass to `units` "
@@ -335,6 +348,7 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     if section is None:
         return math.nan, None
     exponent = section.number("exponent")
+    # Below 1 force over velocity grows without end towards rest.
     soft = exponent < 1.0
     if soft and not section.mentions("linear_below"):
         section.need("linear_below", "an exponent below 1 needs the drift rate under which the dashpot is linear")

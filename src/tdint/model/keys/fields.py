@@ -294,6 +294,7 @@ class Value:
         if not bounds.allow(number):
             self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
+        # Zero is zero in any unit; other sizes must be such as buildings have.
         converted = number * scale if number else 0.0
         if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
             limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
@@ -303,6 +304,7 @@ class Value:
 
     def whole(self, low: int = 0, high: int = -1, quantity: str = "") -> int | None:
         """The whole number from `low` to `high`; None if there is a fault. `quantity`: what the bounds stand for."""
+        # Without bounds here those that the key declares.
         if high < low:
             assert isinstance(self.kind, Whole)
             low, high = self.kind.low, self.kind.high
@@ -368,6 +370,7 @@ class Value:
 
     def _alternative(self, either: Either) -> Any:
         shape = Keys if self.is_mapping else EntriesOf if self.is_list else (Bounds, Whole, Choice, PathOf)
+        # By its shape one kind is meant: messages are then of that one alone.
         for kind in either.kinds:
             if isinstance(kind, shape) and not (isinstance(kind, Choice) and self.word not in kind.names):
                 if isinstance(kind, Bounds):
@@ -412,12 +415,14 @@ class Value:
         section = self.section(kind, kind.what)
         if section is None:
             return None
+        # One way of several: keys of two of them contradict each other.
         given = [way for way in kind.ways if section.has(*way)]
         if len(given) > 1:
             self.fault(f"give either {' or '.join(map(' and '.join, given))}, not both")
             return None
         if kind.ways and not any(section.mentions(*way) for way in kind.ways):
             self.fault(f"must be {kind.what}, got a mapping without either")
+        # All entries are read, those of a mapping that is not complete, too, for their faults.
         needed = {*given[0]} if given else {key.name for key in kind.declared if key.needed}
         values = {}
         for key in kind.declared:
