@@ -95,7 +95,7 @@ def test_picture_summary_and_what_is_said(spectra, tdint):
         ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
         ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
         ("period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n", (), 4, "has no damping ratio 0.05; it has 0.1"),
-        ("period_s,psa_g\n1,1\n2,1\n", ("--ductility", "2"), 2, "--ductility has no published spectrum"),
+        ("period_s,psa_g\n1,1\n2,1\n", ("--ductility", "2"), 2, "--ductility has nothing to act on with --against"),
         ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
     ],
 )

@@ -318,6 +318,107 @@ def test_with_it_an_option_is_taken(folder, tdint, arguments):
     assert tdint(*arguments).exit_code == 0
 
 
+# ---- Modes of a command, and the options that each takes
+
+MODES = {
+    name: modes
+    for name, (module, _) in COMMANDS.items()
+    if (modes := getattr(import_module(f"tdint_cli.commands.{module}"), "MODES", ()))
+}
+ASKED = {
+    ("spectrum", "without RECORD"): ["--target", "ec8:type=1,soil=B,ag=0.25g"],
+    ("spectrum", "with elastic spectra"): ["x"],
+    ("spectrum", "with --ductility or --strength"): ["x", "--ductility", "2", "--strength", "1"],
+    ("spectrum", "with --fourier"): ["x", "--fourier"],
+    ("spectrum", "with --oscillator"): ["x", "--oscillator", "1", "--history"],
+    ("spectrum", "with --rotd"): ["x", "--rotd", "50"],
+    ("spectrum", "with --against"): ["x", "--against", "y"],
+    ("chart", "with one building"): ["x"],
+    ("chart", "with --stories"): ["x", "--stories", "2"],
+    ("chart", "with many problems"): ["x", "y"],
+    ("chart", "with --problems"): ["--problems", "standard"],
+    ("run", "with a single run"): ["x", "y"],
+    ("run", "with --sequence"): ["x", "y", "z", "--sequence"],
+    ("run", "with several runs"): ["x", "y", "--factors", "z"],
+    ("campaign", "with `tdint campaign CAMPAIGN.yaml`"): ["x"],
+    ("campaign", "with `tdint campaign status`"): ["status", "x"],
+    ("campaign", "with `tdint campaign export`"): ["export", "x"],
+    ("campaign", "with `tdint campaign merge`"): ["merge", "x"],
+    ("check", "with models"): ["x"],
+    ("check", "with --schema"): ["--schema", "model"],
+    ("check", "with --plugin alone"): ["--plugin", "empty.py"],
+    ("compile", ""): ["x"],
+    ("compile", "with --show"): ["x", "--show"],
+    ("compile", "with --clean alone"): ["--clean"],
+    ("fragility", "with a single measure"): ["x", "--im", "sa"],
+    ("fragility", "with several measures (--im), which are compared"): ["x", "--im", "sa,pga"],
+    ("init", "without --weights and --type"): [],
+    ("init", "with --weights"): ["--weights", "1,1"],
+    ("init", "with --from-pushover"): ["--weights", "1,1", "--from-pushover", "x"],
+    ("init", "with --type"): ["--type", "C1"],
+    ("law", "without --path"): ["x", "--drift", "1%"],
+    ("law", "with --path, which has every drift"): ["x", "--path", "y"],
+    ("modes", "without --target"): ["x"],
+    ("modes", "with --target"): ["x", "--target", "y"],
+    ("sensitivity", "with a model"): ["x"],
+    ("sensitivity", "with the folder of a campaign, which has its records and its sweep"): ["folder"],
+}
+"""The words that ask for a mode."""
+
+VALUES = {
+    "--axes": "periods --plot=p.png", "--damping": "2%", "--maxima": "peer", "--interpolation": "linear",
+    "--rotd": "50", "--strength": "1", "--oscillator": "1 --history", "--trim": "0:1", "--baseline": "linear",
+    "--versus": "time --plot=p.png", "--export-floors": "mseed", "--im": "pga", "--report": "r.html",
+    "--shapes": "roof", "--fit": "ida", "--by": "type", "--edp-range": "1:2", "--drift": "1%", "--limit": "2%",
+    "--weights": "1,1", "--vary": "damping=1%:2%", "--output-units": "kip", "--target": "native", "--cache": "",
+    "--plot": "--plot=p.png", "--output": "out", "--every": "2 --history=h.csv", "--openquake": "f.xml",
+    "--history": "--history=h.csv", "--tolerance": "1%", "--corners": "2 --highpass 1",
+}  # fmt: skip
+
+
+def idle_options():
+    for name, modes in MODES.items():
+        command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+        taken = frozenset().union(*(mode.takes for mode in modes))
+        choosing = {word for mode in modes for word in ASKED[name, mode.words] if word.startswith("--")}
+        for mode in modes:
+            words = ASKED[name, mode.words]
+            for parameter in command.params:
+                option = max(parameter.opts, key=len)
+                is_idle = parameter.name in taken - mode.takes and isinstance(parameter, click.Option)
+                asks_for_another = option in choosing and not choosing.intersection(words)
+                if is_idle and option not in words and not asks_for_another:
+                    yield pytest.param(name, mode, parameter, option in choosing, id=f"{name} {mode.words} {option}")
+
+
+@pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
+def test_an_option_that_a_mode_does_not_take_is_refused(tmp_path, monkeypatch, tdint, name, mode, parameter, chooses):
+    """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status DIR --baseline A`
+    were passed over in silence."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "empty.py").write_text("METHODS = ()\n")
+    option = max(parameter.opts, key=len)
+    value = VALUES[option].split() if option in VALUES else a_value(parameter)
+    typed = value if value and value[0].startswith(option) else [option, *value]
+    result = tdint(name, *ASKED[name, mode.words], *typed)
+    advice = mode.advice.get(parameter.name, f"leave {option} out")
+    expected = f"Error: {option} has nothing to act on {mode.words}; {advice}"
+    # Of two options that ask for a mode each, or are given together here, either is refused.
+    text = " has nothing to act on with" if chooses or len(value) > 1 else expected
+    assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
+    assert text in result.stderr
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_modes_name_parameters_of_their_command():
+    for name, modes in MODES.items():
+        command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+        parameters = {parameter.name for parameter in command.params}
+        assert [mode.words for mode in modes if not parameters.issuperset(mode.takes | set(mode.advice))] == []
+        assert {words for command, words in ASKED if command == name} == {mode.words for mode in modes}
+
+
 def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
     result = tdint("scale", "motion.mseed", "--pairs", "-q", "--pga", "0.3g")
     assert (result.exit_code, "--pairs needs a value, and -q is an option" in result.stderr) == (2, True)

@@ -137,7 +137,7 @@ def test_version(tdint):
         (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
         (
             ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
-            "--history is for one record and one scale; call it once",
+            "--history has nothing to act on with several runs; it is for one record and one scale: call",
         ),
         (["run", "x.yaml", "a.mseed", "--record", "b.mseed"], "--record b.mseed and a.mseed are given"),
     ],

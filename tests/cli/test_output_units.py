@@ -161,7 +161,7 @@ def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Run) -> None
         check_round_trip(text, (folder / "study" / name).read_text())
     assert "peak_base_shear_kip" in (folder / "study" / "runs.csv").read_text()
     done = tdint("campaign", "status", "study", "--output-units", "kip")
-    assert (done.exit_code, "--output-units is not for" in done.stderr) == (2, True)
+    assert (done.exit_code, "--output-units has nothing to act on with" in done.stderr) == (2, True)
 
 
 def test_units_that_are_none(folder: Path, tdint: Run) -> None:

@@ -128,7 +128,7 @@ def test_the_page_of_a_campaign(folder: Path, tdint: Run) -> None:
     assert result.exit_code == 0, result.stderr
     assert "2 of 2 runs" in page("page.html").text
     again = tdint("campaign", "export", "out", "--report", "other.html")
-    assert again.exit_code == 2 and "--report is not for" in again.stderr
+    assert again.exit_code == 2 and "--report has nothing to act on with" in again.stderr
 
 
 def test_names_cannot_write_into_the_page(folder: Path, tdint: Run) -> None:

@@ -128,9 +128,9 @@ def test_what_is_no_pair(folder, tdint, names, message):
     [
         (["--rotd", "101"], "--rotd"),
         (["--rotd", "a"], "--rotd"),
-        (["--rotd", "50", "--component", "HNE"], "--component is for single components; leave it out with --rotd"),
-        (["--rotd", "50", "--method", "newmark"], "--method is for single components"),
-        (["--rotd", "50", "--ductility", "2"], "--rotd is for elastic spectra"),
+        (["--rotd", "50", "--component", "HNE"], "--component has nothing to act on with --rotd"),
+        (["--rotd", "50", "--method", "newmark"], "--method has nothing to act on with --rotd"),
+        (["--rotd", "50", "--ductility", "2"], "--rotd has nothing to act on with --ductility or --strength"),
     ],
 )
 def test_usage_errors(folder, tdint, arguments, message):

@@ -63,10 +63,10 @@ def test_units_of_the_measures(study, tdint):
     ("words", "said"),
     [
         (("campaign", "study.yaml", "-o", "new", "--im", "pgx"), "unknown intensity measure 'pgx'"),
-        (("campaign", "export", "out", "--im", "pga"), "--im is not for `tdint campaign export`"),
+        (("campaign", "export", "out", "--im", "pga"), "with `tdint campaign export`; it has no models"),
         (("fragility", "out", "--im", "sa,cav"), "the runs have no measure cav"),
-        (("fragility", "out", "--im", "sa,pga", "--threshold", "1%"), "--threshold has no part in a comparison"),
-        (("fragility", "out", "--im", "sa", "--sufficiency", "x.csv"), "--sufficiency compares measures"),
+        (("fragility", "out", "--im", "sa,pga", "--threshold", "1%"), "nothing to act on with several measures"),
+        (("fragility", "out", "--im", "sa", "--sufficiency", "x.csv"), "with a single measure; it compares"),
     ],
 )
 def test_what_makes_no_sense(study, tdint, words, said):

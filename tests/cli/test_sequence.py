@@ -58,8 +58,8 @@ def test_one_factor_is_for_all_shocks(folder, tdint):
         (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--rest", 3), "--rest has nothing to act on without"),
         ((*SHOCKS, "--rest", -1), "-1"),
         ((*SHOCKS, "--scale", "1,2,3"), "3 factors for 2 shocks"),
-        ((*SHOCKS, "--duration", 3), "--duration is not for a --sequence"),
-        ((*SHOCKS, "--factors", "f.csv"), "--factors is not for a --sequence"),
+        ((*SHOCKS, "--duration", 3), "--duration has nothing to act on with --sequence; it has all of each record"),
+        ((*SHOCKS, "--factors", "f.csv"), "--factors has nothing to act on with --sequence; give them by --scale"),
         (("run", "shaken.yaml", "motion.mseed", "-", "--sequence"), "not standard input"),
     ],
 )

@@ -191,9 +191,9 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
         (["--ductility", "2", "--strength", "0.1"], "--ductility and --strength are given"),
         (["--hardening", "0.1"], "--hardening has nothing to act on without --ductility or --strength"),
         (["--ductility", "2", "--hardening", "1"], "--hardening"),
-        (["--ductility", "2", "--method", "newmark"], "--method is for elastic spectra"),
-        (["--strength", "1", "--maxima", "peer"], "--maxima is for elastic spectra"),
-        (["--strength", "1", "--interpolation", "linear"], "--interpolation is for elastic spectra"),
+        (["--ductility", "2", "--method", "newmark"], "--method has nothing to act on with --ductility or --strength"),
+        (["--strength", "1", "--maxima", "peer"], "--maxima has nothing to act on with --ductility or --strength"),
+        (["--strength", "1", "--interpolation", "linear"], "--interpolation has nothing to act on with"),
         (["--strength", "1", "--period", "0"], "periods of inelastic spectra must be positive"),
     ],
 )
@@ -260,7 +260,7 @@ def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint):
     alone = tdint("spectrum", "other.mseed", "--axes", "adrs")
     assert (alone.exit_code, "--axes has nothing to act on without --plot" in alone.stderr) == (2, True)
     yielding = tdint("spectrum", "other.mseed", "--axes", "adrs", "--ductility", "2", "--plot=x.svg")
-    assert (yielding.exit_code, "--axes is for elastic spectra" in yielding.stderr) == (2, True)
+    assert (yielding.exit_code, "--axes has nothing to act on with --ductility" in yielding.stderr) == (2, True)
 
 
 EC8 = "ec8:type=1,soil=B,ag=0.25g"
@@ -291,9 +291,9 @@ def test_a_target_is_drawn_over_the_spectra_of_records(folder, tdint):
     [
         (("other.mseed", "--target", EC8), "--target beside records is drawn: add --plot"),
         (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
-        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target is for elastic spectra"),
+        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target has nothing to act on"),
         (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
-        (("--target", EC8, "--rotd", "50"), "--rotd is for records, and there is none"),
+        (("--target", EC8, "--rotd", "50"), "--rotd has nothing to act on without RECORD; leave --rotd out"),
         (("--target", EC8, "--period", "5"), "asked for are 5 to 5 s"),
         (("--target", "ec8:type=1"), "ec8 needs soil, ag"),
     ],
@@ -395,14 +395,14 @@ def test_fourier_spectra(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("motion.mseed", "--fourier", "--period", "1"), "--period is for response spectra"),
-        (("motion.mseed", "--fourier", "--rotd", "50"), "--rotd is for response spectra"),
-        (("motion.mseed", "--fourier", "--damping", "2%"), "--damping is for response spectra"),
+        (("motion.mseed", "--fourier", "--period", "1"), "--period has nothing to act on with --fourier"),
+        (("motion.mseed", "--fourier", "--rotd", "50"), "--rotd has nothing to act on with --fourier"),
+        (("motion.mseed", "--fourier", "--damping", "2%"), "--damping has nothing to act on with --fourier"),
         (("motion.mseed", "--smoothing", "40"), "--smoothing"),
         (("motion.mseed", "--fourier", "--smoothing", "-1"), "must be a positive number, got '-1'"),
         (("motion.mseed", "--fourier", "--smoothing", "1e5"), "the bandwidth is from 1 to 1000"),
         (("--fourier",), "RECORD"),
-        (("--fourier", "--target", "ec8:type=1,soil=B,ag=0.25g"), "--fourier is for records"),
+        (("--fourier", "--target", "ec8:type=1,soil=B,ag=0.25g"), "--fourier has nothing to act on without RECORD"),
     ],
 )
 def test_fourier_spectra_that_are_refused(folder, tdint, arguments, message):
