@@ -169,10 +169,10 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 
 BUDGET = {
-    "cli": (44, 6650),
-    "output": (24, 6350),
+    "cli": (44, 6500),
+    "output": (24, 6250),
     "campaign": (25, 6150),
-    "analysis": (40, 7550),
+    "analysis": (40, 7500),
     "methods": (13, 1750),
     "model": (21, 3600),
     "ground_motion": (36, 4400),

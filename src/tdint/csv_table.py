@@ -76,10 +76,12 @@ class CsvTable:
         place = self.header.index(name.lower())
         texts = []
         for line, cells in self.rows:
+            # A decimal comma, or a name with a comma in it, would shift all cells behind it.
             if self.overfull(cells):
                 raise self.error(
                     f"{self.source}:{line}: {how_many(len(cells), 'cell')} under {how_many(len(self.header), 'column')}"
                 )
+            # Empty cells at the end of a row may be left out; our own tables put an apostrophe before a formula.
             text = cells[place].strip() if place < len(cells) else ""
             text = text[1:] if _OF_A_TABLE.match(text) else text
             if not text and not empty:
@@ -89,12 +91,12 @@ class CsvTable:
 
     def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
         """The cells of a column as finite numbers; with `empty` nan for a cell without one."""
-        what = "a positive number" if positive else "a number"
+        expected = "a positive number" if positive else "a number"
         numbers = []
         for line, text in self.lines(name, empty=empty):
             value = number(text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
-                raise self.error(f"{self.source}:{line}: {name} {no_number(text, what)}")
+                raise self.error(f"{self.source}:{line}: {name} {no_number(text, expected)}")
             numbers.append(value)
         return numbers
 
@@ -138,10 +140,11 @@ def number(text: str) -> float:
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan
 
 
-def no_number(text: str, what: str) -> str:
+def no_number(text: str, expected: str) -> str:
     """What a cell must be that is no such number, as the end of a message."""
+    # Only of a finite number the size can be what is wrong with it.
     limits = f"; its size must lie between {SMALLEST:g} and {LARGEST:g}" if math.isfinite(_float(text)) else ""
-    return f"must be {what}, got {text[:40]!r}{limits if math.isnan(number(text)) else ''}"
+    return f"must be {expected}, got {text[:40]!r}{limits if math.isnan(number(text)) else ''}"
 
 
 def _float(text: str) -> float:
@@ -199,6 +202,7 @@ def stream_table(
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """The same of a table of millions of rows, which are read as they are asked for: the table without its rows, and
     these with their lines. Errors are those of `read_table`, of the rows when these are read."""
+    # A pipe can be read once only: its digest is that of what was read.
     if source == STDIN or not Path(source).is_file():
         whole = read_table(source, needs, columns=columns, comment=comment, error=error)
         return replace(whole, rows=()), iter(whole.rows)

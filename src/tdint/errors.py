@@ -91,17 +91,18 @@ def abridged(text: str) -> str:
     )
 
 
-def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The known name that someone may have meant, whatever its case; None if none is as alike as `cutoff` (of 1)."""
     from difflib import get_close_matches
 
-    by_lower = {candidate.lower(): candidate for candidate in known}
+    # Of a long text the first letters: the search takes the square of its length.
+    by_lower = {candidate.lower(): candidate for candidate in names}
     return next(
         (by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)), None
     )
 
 
-def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+def did_you_mean(name: str, names: Iterable[str], cutoff: float = 0.6) -> str:
     """The end of a message about an unknown name: the nearest one, or nothing."""
-    near = nearest(name, known, cutoff)
+    near = nearest(name, names, cutoff)
     return f"; did you mean {near!r}?" if near else ""

@@ -182,8 +182,17 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
                 raise OutputError(f"{file}: two outputs would have this name")
             seen.add(real)
             refuse_kept([file])
-            _check_folder(file)
-            _check_free(file, overwrite)
+            folder = _nearest_folder(file)
+            if not folder.is_dir():
+                raise OutputError(f"{file}: {folder} is a file, not a folder")
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise OutputError(f"{file}: no permission to write in the folder {folder}")
+            if file.is_dir():
+                raise OutputError(f"{file}: is a folder; give the name of a file")
+            if file.exists() and not file.is_file():
+                raise OutputError(f"{file}: is a device or a pipe, not a file")
+            if file.exists() and not overwrite:
+                raise _exists(file)
 
 
 def refuse_kept(files: Iterable[Path]) -> None:
@@ -336,9 +345,7 @@ def check_room(file: Path, least: float) -> None:
     """
     import shutil
 
-    folder = file.parent
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
+    folder = _nearest_folder(file)
     with _in_words(file):
         free = shutil.disk_usage(folder).free
     if least > free:
@@ -348,15 +355,12 @@ def check_room(file: Path, least: float) -> None:
         )
 
 
-def _check_folder(file: Path) -> None:
-    """Make sure that the file's folder, or what is there of the folders above it, can be written into."""
+def _nearest_folder(file: Path) -> Path:
+    """The folder of a file, or the first one above it that is there."""
     folder = file.parent
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
-    if not folder.is_dir():
-        raise OutputError(f"{file}: {folder} is a file, not a folder")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise OutputError(f"{file}: no permission to write in the folder {folder}")
+    return folder
 
 
 def _made(folder: Path) -> list[Path]:
@@ -373,15 +377,6 @@ def _made(folder: Path) -> list[Path]:
         except FileExistsError:
             return made
     return [*made, folder]
-
-
-def _check_free(file: Path, overwrite: bool) -> None:
-    if file.is_dir():
-        raise OutputError(f"{file}: is a folder; give the name of a file")
-    if file.exists() and not file.is_file():
-        raise OutputError(f"{file}: is a device or a pipe, not a file")
-    if file.exists() and not overwrite:
-        raise _exists(file)
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:

@@ -53,6 +53,7 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
                 arguments = inspect.signature(function).bind(*given, **named)
             except TypeError as wrong:
                 raise WrongCall(f"{name}: {wrong}") from None
+            # Without an argument to blame the fault is ours.
             raise _fault(name, arguments) or error from error
 
     asked.__module__, asked.__qualname__, asked.__name__ = "tdint", name, name  # where pickle finds it
@@ -97,6 +98,7 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
         case ast.Subscript(value=ast.Name(id="Mapping")):
             return isinstance(value, Mapping)
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
+            # A text is a sequence to Python; a generator would be used up by a look at its members.
             several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
             several = several and getattr(value, "ndim", 1) > 0
             return several and (not hasattr(value, "__len__") or all(_is_of(item, member) for item in value))
@@ -106,9 +108,11 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
             row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
             return row and len(value) > 0 and all(isinstance(item, numbers.Real) for item in value)
         case ast.Name(id=name) if name in _KINDS:
+            # numpy's truth values are none of Python's, and Python's are numbers.
             truth = type(value).__name__ in ("bool", "bool_")
             return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
         case ast.Name(id=name):
+            # By the name, as annotations of types are not loaded at run time.
             return _is_open(kind) or callable(value) or name in [item.__name__ for item in type(value).__mro__]
     return True
 
@@ -140,12 +144,12 @@ Progress = Callable[[int, int], None]
 """Told how much is done, of how much."""
 
 
-def optional(package: str, what: str, extra: str = "notebook") -> Any:
+def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
     """A package that is not needed else; UsageError where it is not installed."""
     try:
         return import_module(package)
     except ImportError:
-        raise UsageError(f"{what} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'") from None
+        raise UsageError(f"{purpose} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'") from None
 
 
 @contextmanager

@@ -84,6 +84,7 @@ def parse_units(text: str) -> Units:
     unit = canonical(words[number.end() :] if number else words)
     quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
     if quantity is None:
+        # Accelerations alone are offered: that is what most records are.
         hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
         allowed = ", ".join(ACCELERATION)
         raise UsageError(f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}")
@@ -138,6 +139,7 @@ def parse_drift(text: str) -> DriftSize:
     if not (isfinite(value) and value > 0.0):
         raise UsageError(f"drift {text!r}: must be a positive number")
     if kind == "ratio" and value > 1.0:
+        # 2 for 2 % is the usual slip.
         hint = "" if unit else f"; a number without a unit is one, did you mean {words}%?"
         raise UsageError(f"drift {text!r}: a drift ratio is 1 at most{hint}")
     return DriftSize(words, value, kind)
@@ -275,6 +277,7 @@ class OutputUnits:
             "N/m": (f"{self.force}/{self.length}", force / length),
             "J": (f"{self.force}*{self.length}", force * length),
         }
+        # Nobody writes N*m for an energy.
         if (self.force, self.length) == ("N", "m"):
             chosen["J"] = ("J", 1.0)
         return chosen.get(si, (si, 1.0))
@@ -324,6 +327,7 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
     """
     units: dict[str, str] = {}
     for word in (part.strip() for part in text.split(",")):
+        # As it is written first: other spellings are those of ground motions.
         unit = word if word in _UNITS else canonical(word)
         if unit not in _UNITS:
             hint = did_you_mean(word, _UNITS) or f"; known: {', '.join(_UNITS)}"

@@ -19,10 +19,10 @@ SMALLEST, LARGEST = 1e-60, 1e60
 """Sizes of numbers in files, in SI units: products and squares of them stay within what floats hold."""
 
 
-def how_many(count: int, what: str) -> str:
+def how_many(count: int, thing: str) -> str:
     """A number of things: 1 run, 2 runs, 3 stories."""
-    several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
-    return f"{count} {what if count == 1 else several}"
+    several = f"{thing[:-1]}ies" if thing.endswith("y") else f"{thing}s"
+    return f"{count} {thing if count == 1 else several}"
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
@@ -91,6 +91,7 @@ class Grid:
         import numpy as np
 
         result = np.geomspace(self.first, self.last, self.count)
+        # Both ends to the bit: a period that was asked for is found in the table.
         result[0], result[-1] = self.first, self.last
         return result
 
@@ -116,12 +117,12 @@ def parse_grid(text: str) -> Grid:
     return grid
 
 
-def parse_named(name: str, words: str, known: Mapping[str, bool], example: str) -> dict[str, str]:
+def parse_named(name: str, words: str, parameters: Mapping[str, bool], example: str) -> dict[str, str]:
     """The parameters of something named, `key=value` with commas between them: texts by their keys.
 
     Parameters
     ----------
-    known : mapping of str to bool
+    parameters : mapping of str to bool
         Its parameters, and whether each must be given.
     example : str
         How it is written, for messages.
@@ -136,12 +137,14 @@ def parse_named(name: str, words: str, known: Mapping[str, bool], example: str) 
         key, equal, value = (word.strip() for word in part.partition("="))
         if not part.strip():
             continue
-        if not equal or key.lower() not in known:
-            raise UsageError(f"{name} has no parameter {key!r}; it has {', '.join(known)}{did_you_mean(key, known)}")
+        if not equal or key.lower() not in parameters:
+            raise UsageError(
+                f"{name} has no parameter {key!r}; it has {', '.join(parameters)}{did_you_mean(key, parameters)}"
+            )
         if key.lower() in given:
             raise UsageError(f"{key} is given twice")
         given[key.lower()] = value
-    missing = [key for key, needed in known.items() if needed and key not in given]
+    missing = [key for key, needed in parameters.items() if needed and key not in given]
     if missing:
         raise UsageError(f"{name} needs {', '.join(missing)}, such as {example}")
     return given

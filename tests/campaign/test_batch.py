@@ -1,6 +1,7 @@
 """Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to the last digit."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import run_sequence
-from tdint.campaign.batch import REPEATS, Batch, Rows, Run, RunRow, RunSettings, _Job
+from tdint.analysis.run.together import Outcomes, run_together
+from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
 from tdint.ground_motion.record import JoinedRecord, Record
 
 RECORDS = {
@@ -189,13 +191,18 @@ def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> No
 @pytest.mark.parametrize(
     ("status", "expected"), [("diverged", REPEATS), ("not-converged", REPEATS), ("unstable-step", 0)]
 )
-def test_a_run_that_always_fails_is_repeated_so_often(status: str, expected: int) -> None:
-    of = batch("hardening", "newmark-average")
-    failure, results = FailedRun("", status, "", 0.1), Rows()
-    jobs = [_Job(RUNS[0], single_steps := of._steps(RUNS[0].motion, float("inf")))]
-    for repeats in range(expected):
-        jobs = of._again(jobs[0], failure, results)
-        assert (jobs[0].repeats, jobs[0].steps.h) == (repeats + 1, pytest.approx(single_steps.h / 2.0 ** (repeats + 1)))
-        assert not results.runs
-    assert of._again(jobs[0], failure, results) == []
-    assert [(row.status, row.repeats) for row in results.runs] == [(status, expected)]
+def test_a_run_that_always_fails_is_repeated_so_often(
+    status: str, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each time with half of the step; then its row says how it failed."""
+    of, steps = batch("hardening", "newmark-average"), []
+
+    def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:
+        steps.extend(run[2].h for run in runs)
+        return replace(run_together(subject, motions, runs, **named), failures={0: FailedRun("", status, "", 0.1)})
+
+    monkeypatch.setattr("tdint.campaign.batch.run_together", failing)
+    (row,) = of.results([RUNS[0]]).runs
+    assert (row.status, row.repeats, row.peak_drift) == (status, expected, None)
+    assert steps == pytest.approx([steps[0] / 2.0**repeats for repeats in range(expected + 1)])
+    assert row.dt == steps[-1]

@@ -62,15 +62,9 @@ def at2(values=None, npts=None, step="NPTS=  {n}, DT= .00500 SEC", each=5, units
 def free_at2():
     """Free lines before NPTS, words after the values."""
     return text(
-        "Some motion, 1940",
-        "120 points at equal spacing of 0.02 sec",
-        "The units are (g)",
-        "*** Begin data ***",
-        "NPTS=  120, DT= .02000 SEC",
-        columns(motion(), 8, "9.5f"),
-        "*** End Data ***",
-        "",
-    )
+        "Some motion, 1940", "120 points at equal spacing of 0.02 sec", "The units are (g)", "*** Begin data ***",
+        "NPTS=  120, DT= .02000 SEC", columns(motion(), 8, "9.5f"), "*** End Data ***", "",
+    )  # fmt: skip
 
 
 def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, npts=None, blocks=None, channel="1: 340"):
@@ -197,13 +191,16 @@ def usc(values=None, dt=0.005, times=None):
     )
 
 
-def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2):
+def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2, **changed):
     values = motion() if values is None else values
     integers, reals = [-32768] * 48, [1.7e38] * 50
     integers[1:7] = [1989, 291, 0, 4, 7, 250]
     integers[12], integers[13] = 90, 360
     integers[15], integers[16] = comments, len(values) if npts is None else npts
     reals[1], reals[29], reals[31] = rate, float(np.max(values)), float(np.min(values))
+    for numbers, name in ((integers, "integers"), (reals, "reals")):
+        for place, number in changed.get(name, {}).items():
+            numbers[place] = number
 
     def value_field(value):
         mantissa, exponent = f"{value:.4E}".split("E")

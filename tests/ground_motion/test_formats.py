@@ -64,15 +64,11 @@ class TestAt2:
     @pytest.mark.parametrize(
         "step",
         [
-            "NPTS=  {n}, DT= .00500 SEC",
-            "NPTS=   {n}, DT=   .0050 SEC,        ",
-            "NPTS= {n} DT= 5.0E-3",
-            "npts: {n}; dt: 0.005",
-            "  {n}    0.0050    NPTS, DT",
-            "{n}, .005 NPTS, DT",
+            "NPTS=  {n}, DT= .00500 SEC", "NPTS=   {n}, DT=   .0050 SEC,        ", "NPTS= {n} DT= 5.0E-3",
+            "npts: {n}; dt: 0.005", "  {n}    0.0050    NPTS, DT", "{n}, .005 NPTS, DT",
             "NPT = {n} , DT = .005 SEC, , SCALED FACTOR = 2",
         ],
-    )
+    )  # fmt: skip
     @pytest.mark.parametrize("each", [1, 5, 8, 1000])
     def test_spellings_and_columns(self, step, each):
         trace = only(files.at2(step=step, each=each))
@@ -417,21 +413,21 @@ class TestNumbersOfSmc:
         [(90, 0, "0"), (90, 270, "270"), (90, -99, ""), (0, -99, "UP"), (180, 45, "DOWN"), (-99, 45, "45")],
     )
     def test_component(self, vertical, azimuth, name):
-        integers = [-99.0] + 47 * [7.0]
-        integers[12:14] = [vertical, azimuth]
-        assert usgs._component(integers) == name
-        upwards = [0.0] + 47 * [7.0]
-        upwards[12:14] = [0.0, 30.0]
-        assert usgs._component(upwards) == "30"
+        assert only(files.smc(integers={0: -99, 12: vertical, 13: azimuth})).stats.channel == name
+        assert only(files.smc(integers={0: 0, 12: 0, 13: 30})).stats.channel == "30"
 
-    def test_peak(self):
-        for largest, smallest, peak in ((3.0, -5.0, 5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)):
-            reals = [1e38] + 49 * [77.0]
-            reals[29], reals[31] = largest, smallest
-            found = usgs._peak(reals, "cm/s^2")
-            assert (found and (found.value, found.rounding, found.units)) == (
-                peak and (peak, pytest.approx(1e-4 * peak), "cm/s^2")
-            )
+    @pytest.mark.parametrize(
+        ("largest", "smallest", "peak"), [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)]
+    )
+    def test_peak(self, largest, smallest, peak):
+        """The larger one of the stated extremes, with five digits; none where one of them is not known."""
+        text = files.smc(motion(peak=peak or 5.0), reals={0: 1e38, 29: largest, 31: smallest})
+        compared = contents(text)
+        assert ("peak" in compared.compared) == (peak is not None) and compared.notes == ()
+        if peak:
+            assert contents(files.smc(motion(peak=peak), reals={29: 1.00009 * abs(peak), 31: 0.0})).notes == ()
+            (note,) = contents(files.smc(motion(peak=peak), reals={29: 1.0003 * abs(peak), 31: 0.0})).notes
+            assert "peak" in note
 
     @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
     def test_start(self, told):

@@ -7,7 +7,6 @@ import pytest
 
 from ground_motion import network_files as files
 from ground_motion.test_formats import contents, refused
-from tdint.ground_motion.formats import unam
 
 
 def ids(text):
@@ -85,10 +84,11 @@ def test_a_row_with_another_number_of_numbers():
 )
 def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
     """The header has the day of the earthquake: the first sample comes within twelve hours of it."""
-    texts = ["FECHA DEL SISMO [GMT] : 2004/03/05", f"HORA DE LA PRIMERA MUESTRA (GMT) : {first}"]
-    texts += [f"HORA EPICENTRO (GMT) : {origin}"] if origin else []
+    header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)
+    header = header.replace("23:58:02.7", origin)
     hour, minute, second = first.split(":")
     whole, _, part = second.partition(".")
     expected = datetime(2004, 3, day, int(hour), int(minute), int(whole), 100_000 * int(part or 0))
-    assert unam._start(texts) == expected
-    assert unam._start(texts[:1]) is None and unam._start(texts[1:]) is None
+    assert contents(header).traces[0].stats.starttime == expected
+    for key in ("FECHA DEL SISMO", "HORA DE LA PRIMERA"):
+        assert contents(header.replace(key, "NADA")).traces[0].stats.starttime == datetime(1970, 1, 1)

@@ -104,10 +104,33 @@ class Event:
         base = [_read(sensor) for sensor in recording.base]
         floors = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
         notes: dict[str, None] = {}
-        record, lead = _base_record(recording, base, notes)
+        # The ground motion, over the time that all sensors of the base have in common.
+        accelerations = []
+        for signal in base:
+            if signal.quantity != "acceleration":
+                notes[f"{signal.label}: the {signal.quantity} of the base is differentiated"] = None
+                samples = differentiated(signal.samples, signal.dt, signal.quantity)
+                signal = signal.with_samples(samples, "acceleration")
+            accelerations.append(signal)
+        mean, lead = _common(accelerations, f"{recording.source}: the base", notes)
+        if len(base) > 1:
+            notes[f"the model is driven by the mean of {len(base)} sensors of the base"] = None
+        motion = mean.samples
+        if has_offset(motion):
+            motion = without_offset(motion, mean.quantity)
+            notes[f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"] = None
+        record = Record(motion, mean.dt, start="", id="", component="base", source=recording.source)
+        # The translation of each floor: the mean of its sensors, without what the floor turns.
         recorded = []
         for (number, _), signals in zip(recording.floors, floors, strict=True):
-            signal = _mean(signals, f"floor {number}", notes)
+            place = f"floor {number}"
+            quantities = sorted({signal.quantity for signal in signals})
+            if len(quantities) > 1:
+                raise RecordError(f"{place}: its sensors are of {' and '.join(quantities)}")
+            signal, after = _common([signal.centered() for signal in signals], place, notes)
+            if len(signals) > 1:
+                notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
+            signal = replace(signal, start=None if signal.start is None else signal.start + after)
             if signal.quantity == "velocity":
                 raise RecordError(f"{signal.label}: is a velocity; an acceleration or a displacement is compared")
             first = _later(signal, base[0], notes) - lead
@@ -178,46 +201,17 @@ def _read(sensor: Sensor) -> Signal:
     else:
         signal = read_column(sensor.file, sensor.column, sensor.units)
     if sensor.quantity and signal.quantity != sensor.quantity:
+        # Units that were given have been judged with the quantity: what differs is a file's own, or a column's name.
+        cure = "correct the quantity, or give its units"
+        if sensor.column is not None:
+            cure = (
+                "if the end of the column's name is right, take `quantity` out; if not, give `units` beside it, which "
+                f"count in place of the name: one of {', '.join(GROUND_MOTION[sensor.quantity])}"
+            )
         raise RecordError(
-            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; {_cure(sensor)}"
+            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; {cure}"
         )
     return signal.times(sensor.sign)
-
-
-def _cure(sensor: Sensor) -> str:
-    """What to do where a sensor's file and its quantity differ: its units would have been judged with the quantity."""
-    if sensor.column is None:
-        return "correct the quantity, or give its units"
-    fitting = ", ".join(GROUND_MOTION[sensor.quantity or "acceleration"])
-    return (
-        "if the end of the column's name is right, take `quantity` out; if not, give `units` beside it, which count in "
-        f"place of the name: one of {fitting}"
-    )
-
-
-def _base_record(recording: Recording, signals: Sequence[Signal], notes: dict[str, None]) -> tuple[Record, float]:
-    """The ground motion, over the time that all sensors of the base have in common, and where that begins, s from the
-    first sample of the first one."""
-    mean, lead = _common([_acceleration(signal, notes) for signal in signals], f"{recording.source}: the base", notes)
-    if len(signals) > 1:
-        notes[f"the model is driven by the mean of {len(signals)} sensors of the base"] = None
-    motion = mean.samples
-    if has_offset(motion):
-        motion = without_offset(motion, mean.quantity)
-        notes[f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"] = None
-    return Record(motion, mean.dt, start="", id="", component="base", source=recording.source), lead
-
-
-def _mean(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> Signal:
-    """The mean of the sensors of a floor: its translation, without what the floor turns."""
-    if len({signal.quantity for signal in signals}) > 1:
-        raise RecordError(
-            f"{place}: its sensors are of {' and '.join(sorted({sensor.quantity for sensor in signals}))}"
-        )
-    mean, lead = _common([signal.centered() for signal in signals], place, notes)
-    if len(signals) > 1:
-        notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
-    return replace(mean, start=None if mean.start is None else mean.start + lead)
 
 
 def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tuple[Signal, float]:
@@ -235,13 +229,6 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
         for start, signal in zip(starts, signals, strict=True)
     ]
     return first.with_samples(np.nan_to_num(np.mean(rows, axis=0))), lead
-
-
-def _acceleration(signal: Signal, notes: dict[str, None]) -> Signal:
-    if signal.quantity == "acceleration":
-        return signal
-    notes[f"{signal.label}: the {signal.quantity} of the base is differentiated"] = None
-    return signal.with_samples(differentiated(signal.samples, signal.dt, signal.quantity), "acceleration")
 
 
 def _later(signal: Signal, than: Signal, notes: dict[str, None]) -> float:
@@ -309,7 +296,8 @@ class FloorComparison:
     @property
     def correlation(self) -> float:
         """Pearson's coefficient; nan where one of both is at rest."""
-        return _correlation(self.computed, self.recorded)
+        a, b = self.computed - np.mean(self.computed), self.recorded - np.mean(self.recorded)
+        return _ratio(float(a @ b), float(np.linalg.norm(a) * np.linalg.norm(b)))
 
     @property
     def peak_ratio(self) -> float:
@@ -534,11 +522,6 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
         return -sum(compared.correlation for compared in compared_floors(event, computed, parts * dt))
 
     return float(minimize_scalar(apart, bounds=(whole - 1.0, whole + 1.0), method="bounded").x) * dt
-
-
-def _correlation(a: Array, b: Array) -> float:
-    a, b = a - np.mean(a), b - np.mean(b)
-    return _ratio(float(a @ b), float(np.linalg.norm(a) * np.linalg.norm(b)))
 
 
 def _ratio(above: float, below: float) -> float:

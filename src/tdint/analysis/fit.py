@@ -223,6 +223,7 @@ def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> 
     """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
     if not stiffness:
         return [start]
+    # The spectral misfit has several minima along a common factor: each low point of a scan is a start.
     stiff = np.array([value.name in (_STIFFNESS, _COMMON) for value in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
@@ -248,6 +249,7 @@ def _standard_errors(solution: object) -> Array:
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     rows, count = jacobian.shape
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    # Directions whose singular value is nothing but rounding are not told by the recording.
     told = singular > 1e-10 * singular[0]
     variance = 2.0 * float(solution.cost) / max(1, rows - count)  # type: ignore[attr-defined]
     with np.errstate(divide="ignore"):
@@ -300,6 +302,7 @@ def _damping(damping: Damping) -> list[_Free]:
     """The values of the damping as the model has them; zeros (modes without damping) stay."""
     if damping is None:
         raise UsageError("the model has no damping to be fitted; write one, such as damping: {modal: 0.02}")
+    # Coefficients have no natural size: they may change by three decades either way.
     if isinstance(damping, RayleighCoefficients):
         names = {"mass": "mass_coefficient_1_s", "stiffness": "stiffness_coefficient_s"}
         return [

@@ -153,20 +153,22 @@ class CyclicTest(Tabular):
         """The cycles one by one."""
         if self.points is None:
             return ()
-        length = 4 * self.points
-        return tuple(self._cycle(first, length) for first in range(0, self.path.drift.size - 1, length))
-
-    def _cycle(self, first: int, length: int) -> Cycle:
-        high, low, last = first + length // 4, first + 3 * length // 4, first + length
-        path = self.path
-        dissipated = float(path.dissipated[last] - path.dissipated[first])
-        stored = float(np.max(np.abs(path.recoverable[first : last + 1])))
-        return Cycle(
-            number=last // length,
-            amplitude=float(path.drift[high]),
-            shear=(float(path.shear[high]), float(path.shear[low])),
-            dissipated=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
-        )
+        path, points = self.path, self.points
+        cycles: list[Cycle] = []
+        for first in range(0, path.drift.size - 1, 4 * points):
+            # Its largest drifts are at a quarter and at three quarters.
+            high, low, last = first + points, first + 3 * points, first + 4 * points
+            dissipated = float(path.dissipated[last] - path.dissipated[first])
+            stored = float(np.max(np.abs(path.recoverable[first : last + 1])))
+            cycles.append(
+                Cycle(
+                    number=len(cycles) + 1,
+                    amplitude=float(path.drift[high]),
+                    shear=(float(path.shear[high]), float(path.shear[low])),
+                    dissipated=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
+                )
+            )
+        return tuple(cycles)
 
 
 def cyclic_test(
@@ -510,17 +512,31 @@ class _Chain:
         usual, way = step / _PARTS, 0.0
         size = usual
         for _ in range(_MOST_PARTS):
-            advanced = self._advance(self._softest(), size)
-            if advanced is None:
+            # A step of the story that moves most as the factor changes, and of one that falls before all others; of
+            # another one where that cannot carry its share.
+            tangents = np.array([story.tangent for story in self.stories])
+            order = np.arange(tangents.size)
+            softest = int(np.argmin(tangents / self.share))
+            for lead in (softest, *np.delete(order, softest).tolist()):
+                if (state := self._trial(lead, size)) is not None:
+                    break
+            else:
                 return "no equilibrium was found further on"
-            lead, drift, factor = advanced
-            # Half of it, where the way bends within it: at a yield point the area below the curve would be cut.
-            if size > _LEAST_PART * usual and self._cuts(lead, drift, factor):
-                size *= 0.5
-                continue
+            drift, factor = state
+            # Half of it, where the way bends within it: at a yield point the area below the curve would be cut. How
+            # much a straight line leaves out or adds follows from how far the state is from where the tangents lead.
+            if size > _LEAST_PART * usual:
+                moved, grown = drift - self.drift, factor - self.factor
+                bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(moved.sum())
+                others = (order != lead) & (tangents > 0.0)
+                straight = grown * self.share[others] / tangents[others]
+                bent += abs(moved[others].sum() - straight.sum()) * abs(grown)
+                if bent > _CUT * max(self.largest[0], factor) * drift.sum():
+                    size *= 0.5
+                    continue
             # The end of the way: exactly where the building carries nothing any more.
             if factor <= 0.0:
-                self._keep(lead, *self._meet(self._missing_fall, lead, size, drift, factor))
+                self._keep(lead, *self._meet(lambda _, factor: -factor / self.largest[0], lead, size, drift, factor))
                 return "the building carries nothing any more"
             # The next row of a roof that goes on.
             if drift.sum() >= displacement:
@@ -537,20 +553,6 @@ class _Chain:
                 return ""
         return f"the other stories come back as fast as story {lead + 1} goes on; more points may lead on"
 
-    def _cuts(self, lead: int, drift: Array, factor: float) -> bool:
-        """Whether a straight line to this state leaves out or adds more than `_CUT` of the area below the curve, by how
-        far it is from where the tangents lead."""
-        tangents = np.array([story.tangent for story in self.stories])
-        moved, grown = drift - self.drift, factor - self.factor
-        bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(moved.sum())
-        others = (np.arange(drift.size) != lead) & (tangents > 0.0)
-        straight = grown * self.share[others] / tangents[others]
-        bent += abs(moved[others].sum() - straight.sum()) * abs(grown)
-        return bool(bent > _CUT * max(self.largest[0], factor) * drift.sum())
-
-    def _missing_fall(self, drift: Array, factor: float) -> float:
-        return -factor / self.largest[0]
-
     def _meet(self, miss: Miss, lead: int, size: float, drift: Array, factor: float) -> tuple[Array, float]:
         """Between here and a step of the leading story with these results, the state that misses nothing: by the
         Illinois algorithm (Dowell and Jarratt 1971). Here a state misses less than nothing, there more."""
@@ -559,6 +561,7 @@ class _Chain:
         for _ in range(_ITERATIONS):
             if abs(miss(drift, factor)) <= _CLOSE:
                 break
+            # The secant's point; the end that stays is halved, so that it does not stay for ever.
             middle = low + (high - low) * below / (below - above)
             trial = self._trial(lead, middle)
             if trial is None or not low < middle < high:
@@ -570,19 +573,6 @@ class _Chain:
             else:
                 low, below, above = middle, left, 0.5 * above
         return drift, factor
-
-    def _softest(self) -> int:
-        """The story that moves most as the factor changes; one that falls before all others."""
-        return int(np.argmin([story.tangent / share for story, share in zip(self.stories, self.share, strict=True)]))
-
-    def _advance(self, lead: int, size: float) -> tuple[int, Array, float] | None:
-        """A step of the leading story; of another one where that cannot carry its share; None if none can."""
-        order = [lead, *(i for i in range(len(self.stories)) if i != lead)]
-        for story in order:
-            trial = self._trial(story, size)
-            if trial is not None:
-                return story, *trial
-        return None
 
     def _trial(self, lead: int, size: float) -> tuple[Array, float] | None:
         """Drifts and factor after a step of one story; None if another story cannot carry its share."""
@@ -598,22 +588,19 @@ class _Chain:
                 drift[i] = carried
         return drift, factor
 
-    def _note_largest(self, lead: int, drift: Array, factor: float) -> None:
-        """Note the largest base shear on the way to these drifts: at its end, or where the leading story stops to rise.
-
-        The factor follows from the force of that story alone.
-        """
+    def _keep(self, lead: int, drift: Array, factor: float) -> None:
+        """Go to these drifts, and note the largest base shear on the way."""
+        # It is at the end, or where the leading story stops to rise: the factor follows from its force alone.
         story, low, high = self.stories[lead], 0.0, float(drift[lead] - self.drift[lead])
+        largest = (factor, drift)
         if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
             for _ in range(_ITERATIONS):
                 middle = 0.5 * (low + high)
                 low, high = (middle, high) if story.at(self.drift[lead] + middle)[1] > 0.0 else (low, middle)
-            if top := self._trial(lead, high):
-                drift, factor = max((top, (drift, factor)), key=lambda state: state[1])
-        self.largest = max(self.largest, (factor, drift), key=lambda state: state[0])
-
-    def _keep(self, lead: int, drift: Array, factor: float) -> None:
-        self._note_largest(lead, drift, factor)
+            top = self._trial(lead, high)
+            if top and top[1] >= factor:
+                largest = (top[1], top[0])
+        self.largest = max(self.largest, largest, key=lambda state: state[0])
         for story, new in zip(self.stories, drift, strict=True):
             story.go(float(new))
         self.drift, self.factor = drift, factor
@@ -654,6 +641,7 @@ class _Story:
         if abs(missing) <= close:
             return self.drift
         forwards = missing > 0.0
+        # Newton's method, kept between a drift that carries too little and one that carries too much.
         near, far = self.drift, None
         stiffness = self.tangent if self.tangent > 0.0 and forwards else self.initial
         drift = near + missing / stiffness

@@ -307,7 +307,15 @@ def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, deman
     else:
         stiffness = made.yield_force / made.yield_displacement
         slope = float(curve.shear[last] - curve.shear[peak]) / span / stiffness
-        geometric = _part_of_p_delta(curve, (peak, last), slope, stiffness)
+        # The part of the slope that P-delta has: without it the curve is pushed once more.
+        geometric, pushed = 0.0, curve.pushed
+        if pushed.model.p_delta:
+            high = float(curve.roof[last])
+            bare = replace(pushed.model, p_delta=False)
+            size = DriftSize(f"{high:.6g}m", high, "length")
+            points = max(pushed.base_shear.size - 1, 1)
+            other = _Pushed.of(pushover(bare, size, pattern=pushed.pattern, points=points))
+            geometric = slope - (other.at(high)[0] - other.at(float(curve.roof[peak]))[0]) / span / stiffness
     near = float(demand.at(np.array([1.0]))[0]) >= _STRONG_AT_1_S * STANDARD_GRAVITY
     effective = geometric + (0.8 if near else 0.2) * (slope - geometric) if math.isfinite(slope) else -math.inf
     largest = min(made.roof_displacement, float(curve.roof[peak])) / made.yield_displacement
@@ -320,18 +328,6 @@ def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, deman
         "holds for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do not use its displacement, run time "
         "histories",
     )
-
-
-def _part_of_p_delta(curve: _Pushed, between: tuple[int, int], slope: float, stiffness: float) -> float:
-    """The part of a falling slope that P-delta has: without it the curve is pushed once more."""
-    pushed = curve.pushed
-    if not pushed.model.p_delta:
-        return 0.0
-    low, high = (float(curve.roof[i]) for i in between)
-    bare = replace(pushed.model, p_delta=False)
-    size = DriftSize(f"{high:.6g}m", high, "length")
-    other = _Pushed.of(pushover(bare, size, pattern=pushed.pattern, points=max(pushed.base_shear.size - 1, 1)))
-    return slope - (other.at(high)[0] - other.at(low)[0]) / (high - low) / stiffness
 
 
 def _result(

@@ -24,7 +24,6 @@ from tdint.analysis.run.outcome import (
     Response,
     Shock,
     StoryPeaks,
-    StoryValues,
 )
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
@@ -194,12 +193,12 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
 def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
     told = (check.errors, check.corrected) if check else (None, None)
-    cells = zip(stories.height.tolist(), *map(_by_story, (stories, *told)), strict=False)
+    by_story: list[Iterable[tuple[float, ...]]] = [
+        zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
+        for values in (stories, *told)
+    ]
+    cells = zip(stories.height.tolist(), *by_story, strict=False)
     return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
-
-
-def _by_story(values: StoryValues | None) -> Iterable[tuple[float, ...]]:
-    return zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
@@ -237,9 +236,18 @@ def building_step(
     runs : sequence of Run
         All runs of the building.
     """
+    # All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle.
+    of_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        of_motion.setdefault(run.motion, []).append(run)
+    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
+    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
+    spread = (run for run in chain.from_iterable(rounds) if run is not None)
+
+    # What collapses or fails tells no step: others are tried in its place.
     step, looked_at = math.inf, 0
     enough = min(max(_FEWEST, len(runs) // 4), _MOST)
-    for run in islice(_spread_runs(records, runs), _TRIED):
+    for run in islice(spread, _TRIED):
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
@@ -255,16 +263,6 @@ def building_step(
         if looked_at == enough:
             break
     return step if looked_at else None
-
-
-def _spread_runs(records: Mapping[int, Record], runs: Sequence[Run]) -> Iterator[Run]:
-    """All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle."""
-    of_motion: dict[int, list[Run]] = {}
-    for run in sorted(runs, key=lambda run: abs(run.scale)):
-        of_motion.setdefault(run.motion, []).append(run)
-    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
-    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
-    return (run for run in chain.from_iterable(rounds) if run is not None)
 
 
 def _spread(items: Sequence[Item]) -> Iterator[Item]:
@@ -332,17 +330,21 @@ class Batch:
         AnalysisError
             The method does not integrate this building.
         """
+        # A sequence depends on when the building has come to rest: each is made by itself.
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
                 results.extend(self._sequence(run, largest))
         runs = [run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)]
+        # Steps are those of a motion: all of its runs share them, whatever their factors.
         chosen = math.inf if largest is None else largest
         steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
+        # Without a step within the tolerance no run is worth its time; the rows tell why.
         if largest is None:
             results.runs += [self._row(job, "not-within-tolerance") for job in jobs]
             return results
+        # What failed comes back with a finer step, until nothing is left to be repeated.
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -355,8 +357,10 @@ class Batch:
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
+        # Where the shocks stand may hang on how long the building swings after each, at this scale.
         sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
         joined = case.under(sequence.whole)
+        # The joined record has the factor in it: it is one run at the scale 1, with intensities that are scaled before.
         spectral = self.spectral[run.motion]
         alone = replace(
             self,
@@ -366,10 +370,12 @@ class Batch:
         )
         rows = alone.results([run._replace(scale=1.0)], largest)
         (row,) = rows.runs
+        # Demands of each shock by itself; a run without a result has none to be divided.
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
             shocks = shocks_of(joined, sequence, steps, check=self.settings.check and bool(record.fixed))
             rows.shocks = shock_rows(self.number, run, shocks)
+            # Behind shocks that only damage the building the demands of the last one alone are those of the run.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
@@ -386,6 +392,7 @@ class Batch:
         steps = case.steps(self.settings.dt, duration)
         if largest == math.inf:
             return steps
+        # Halved and doubled steps keep times in common with the samples.
         doublings = math.floor(math.log2(largest / steps.h) + _SAME)
         if doublings > 0:
             return case.steps(steps.h * 2.0**doublings, duration)
@@ -406,12 +413,21 @@ class Batch:
             check=self.settings.check,
             to_rest=self.settings.until_rest,
         )
-        again = [job for i, failure in outcomes.failures.items() for job in self._again(jobs[i], failure, results)]
+        again = []
+        for i, failure in outcomes.failures.items():
+            job = jobs[i]
+            # A finer step may help what did not converge; of the others the failure is all that there is to tell.
+            if failure.status in _REPEATED and job.repeats < REPEATS:
+                again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+            else:
+                results.runs.append(self._row(job, failure.status))
+        # Demands of all runs at once, as arrays; rows then one by one.
         demanded, statuses = demand_cells(outcomes.stories), outcomes.status
         for i, job in enumerate(jobs):
             if i in outcomes.failures:
                 continue
             peaks = outcomes.stories_of(i)
+            # A run that was made by itself brings the estimate of its errors.
             check = outcomes.responses[i].check if i in outcomes.responses else None
             values = demanded[i] | {
                 "energy_error": float(outcomes.energy_error[i]),
@@ -426,13 +442,6 @@ class Batch:
             if self.settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, check)
         return again
-
-    def _again(self, job: _Job, failure: FailedRun, results: Rows) -> list[_Job]:
-        """The run with half of the step; where that is of no use its row joins the results."""
-        if failure.status in _REPEATED and job.repeats < REPEATS:
-            return [_Job(job.run, finer(job.steps), job.repeats + 1)]
-        results.runs.append(self._row(job, failure.status))
-        return []
 
     def _row(self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any) -> RunRow:
         """The row of a run; without values of one without a result."""
@@ -480,31 +489,27 @@ class Done:
 
 def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
+    # Time of this thread alone: chunks are done side by side.
     began = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
-    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.buildings, strict=True)])
+
+    # Sa(T1) of each building's motions: of one motion the periods of all buildings at once.
+    spectral: list[dict[int, float | None]] = [{} for _ in subjects]
+    users: dict[int, list[int]] = {}
+    for place, part in enumerate(chunk.buildings):
+        for motion in dict.fromkeys(run.motion for run in part.runs):
+            users.setdefault(motion, []).append(place)
+    for motion, places in users.items():
+        values = spectral_accelerations(chunk.records[motion], [subjects[place].period for place in places])
+        for place, value in zip(places, values, strict=True):
+            spectral[place][motion] = value
     rows = Rows()
+    # All runs of a building go through one compiled call, where its steps are the same.
     for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(part.number, subject, motions, sa, chunk.settings)
         rows.extend(batch.results(part.runs, part.largest))
     return Done(chunk.number, rows, time.thread_time() - began)
-
-
-def _spectral(
-    records: Mapping[int, Record], buildings: list[tuple[Subject, tuple[Run, ...]]]
-) -> list[dict[int, float | None]]:
-    """Sa(T1) of each building's motions: of one motion the periods of all buildings at once."""
-    spectral: list[dict[int, float | None]] = [{} for _ in buildings]
-    users: dict[int, list[int]] = {}
-    for place, (_, runs) in enumerate(buildings):
-        for motion in dict.fromkeys(run.motion for run in runs):
-            users.setdefault(motion, []).append(place)
-    for motion, places in users.items():
-        values = spectral_accelerations(records[motion], [buildings[place][0].period for place in places])
-        for place, value in zip(places, values, strict=True):
-            spectral[place][motion] = value
-    return spectral
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
@@ -518,4 +523,5 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     except AnalysisError:
         if len(periods) == 1:
             return [None]
+    # One period too short spoils the call for all: then each is asked for alone.
     return [value for period in periods for value in spectral_accelerations(record, [period])]

@@ -110,19 +110,23 @@ def carry_out(
         The store cannot be written.
     """
     began = time.perf_counter()
+    # Chunks that are kept from a call before count as done.
     numbers = [number for number in range(plan.chunks) if shard is None or shard.holds(number)]
     ready = store.done()
     left = [number for number in numbers if number not in ready]
     before = sum(plan.size(number) for number in numbers) - sum(plan.size(number) for number in left)
+    # The chunk in which the limit is reached is done to its end: a part of one is never kept.
     if max_runs is not None:
         totals = list(accumulate(plan.size(number) for number in left))
         left = left[: sum(total < max_runs for total in totals) + 1]
     advance = Advance(before, before + sum(plan.size(number) for number in left), before, 0.0)
     if shard is not None:
         store.add_shard(shard.text)
+    # Compiling takes its time once and is no part of the time for a run that is told.
     if left:
         compile_for(plan)
         began = time.perf_counter()
+    # Kept at once: whatever ends the process, what is done stays.
     for done in engine(plan, left):
         store.add(done)
         advance = Advance(advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began)
@@ -193,6 +197,7 @@ class CampaignRuns(Tabular):
     @classmethod
     def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
         """What is in a store."""
+        # All is read now: the store is closed, or written on, when these are asked for.
         buildings, columns = store.buildings(), store.inventory_columns()
         return cls(
             name=store.meta("name"),
@@ -289,11 +294,13 @@ def campaign(
     definition = load_campaign(source)
     plan = make_plan(definition, read_inputs(definition))
     with ExitStack() as stack:
+        # One process writes into a folder; on a network disk that could not be held to.
         if folder is not None:
             refuse_network(Path(folder))
             stack.enter_context(locked(Path(folder)))
         store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
         engine = threads(processors() if jobs is None else jobs)
+        # An interrupt loses the chunks under way; the others are kept, and given if that is wished.
         try:
             with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
                 carry_out(plan, store, engine, max_runs=max_runs, tell=lambda now: told(now.done, now.runs))
@@ -304,7 +311,7 @@ def campaign(
 
 
 _TABLES = ("buildings", "records", "inventory", "building_types")
-_ROWS = {**{one.name: -1 for one in ROW_TABLES}, "chunks": 0}
+_ROWS = {**{table.name: -1 for table in ROW_TABLES}, "chunks": 0}
 """Tables, and where in their rows the number of the chunk stands."""
 
 _log = logging.getLogger(__name__)
@@ -333,8 +340,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         for folder in folders:
             sources.append(open_existing(folder))
             opened.callback(sources[-1].connection.close)
+        # Sources must be of one campaign before anything is written.
         for source in sources[1:]:
             _check_same(sources[0], source)
+        # What the target has from an earlier call counts when missing runs are told.
         merged = list(sources)
         with suppress(UsageError):  # none is there, or nothing is in it yet
             merged.append(opened.enter_context(open_existing(target)))
@@ -343,9 +352,11 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         name = str(target / FILE)
         with in_words(name):
             store = Store(connect(name), name)
+        # From here on the store is open: it is closed if anything below fails.
         failed = opened.enter_context(ExitStack())
         failed.callback(store.connection.close)
         with in_words(name):
+            # A new target takes what the campaign is from the first source, its runs then chunk by chunk.
             if is_empty(store):
                 with transaction(store.connection, name):
                     for statement in TABLES:
@@ -355,6 +366,7 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
                     store.seal()
             check_store(store.connection, name)
         _check_same(store, sources[0])
+        # Chunks that are damaged stay out, of the target and of the sources, and are told.
         _tell(store, store.heal())
         for source in sources:
             with in_words(source.name):
@@ -377,6 +389,7 @@ def _check_same(store: Store, other: Store) -> None:
 
 def _told_left(stores: Sequence[Store]) -> str:
     """How many runs are in none of some stores of one campaign, and the shards that they belong to; nothing if none."""
+    # Damaged chunks count as missing: they will not be taken.
     held: dict[int, int] = {}
     for store in stores:
         with in_words(store.name):
@@ -393,6 +406,7 @@ def _told_left(stores: Sequence[Store]) -> str:
     if len(divisions := {int(text.partition("/")[2]) for text in given}) != 1:
         return told
     (of,) = divisions
+    # A shard that was given may still lack chunks: it was not run to its end.
     lacking = [Shard(number, of).text for number in sorted({chunk % of + 1 for chunk in missing})]
     words = [f"{text} (not complete)" if text in given else text for text in lacking]
     return f"{told}: missing {'shard' if len(words) == 1 else 'shards'} {', '.join(words)}"

@@ -53,13 +53,17 @@ class Cluster:
     key: str | None = None
 
     def __post_init__(self) -> None:
+        # Whoever reaches a scheduler runs programs on it: beyond this machine certificates are a must.
         parts = _parts(self.address)
         given = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
             if None in given:
                 raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
             for file in given:
-                _check_readable(str(file))
+                try:
+                    read_at_most(str(file), MOST_BYTES, UsageError)
+                except OSError as error:
+                    raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
         elif any(given):
             raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
         elif not is_loopback(parts.hostname or ""):
@@ -71,6 +75,7 @@ class Cluster:
 
 
 def _parts(address: str) -> Any:
+    # A port that is no number shows only when it is asked for.
     try:
         parts = urlsplit(address)
         port = parts.port
@@ -86,14 +91,6 @@ def _parts(address: str) -> Any:
     ):
         raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
     return parts
-
-
-def _check_readable(file: str) -> None:
-    """Raise UsageError for a certificate that cannot be read."""
-    try:
-        read_at_most(file, MOST_BYTES, UsageError)
-    except OSError as error:
-        raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
 def is_loopback(host: str) -> bool:
@@ -141,6 +138,7 @@ def _connect(cluster: Cluster) -> Any:
         from distributed import Client, Security
     except ImportError:
         raise UsageError("--dask needs Dask: pip install 'tdint[dask]', here and for the workers") from None
+    # Where certificates are given nothing may go unencrypted.
     security = Security(
         tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
     )
@@ -155,31 +153,30 @@ def _connect(cluster: Cluster) -> Any:
 
     # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
     threading.Thread(target=connect, daemon=True).start()
-    client = _waited_for(answer, cluster.address)
+    # A scheduler that answers late is waited for, and that is said; one that says nothing is given up.
+    client: Any = TimeoutError("waited for ten seconds")
+    for seconds in (_SILENT, _PATIENCE - _SILENT):
+        try:
+            client = answer.get(timeout=seconds)
+            break
+        except Empty:
+            if seconds == _SILENT:
+                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
     if isinstance(client, Exception):
         text = " ".join(str(client).split()) or type(client).__name__
         raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
     return client
 
 
-def _waited_for(answer: Queue[Any], address: str) -> Any:
-    """A client or an error; that it is waited for is said after a second, and ends after ten."""
-    for seconds in (_SILENT, _PATIENCE - _SILENT):
-        try:
-            return answer.get(timeout=seconds)
-        except Empty:
-            if seconds == _SILENT:
-                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", address)
-    return TimeoutError("waited for ten seconds")
-
-
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
     from distributed import KilledWorker, as_completed
 
+    # Workers may lack the user's own methods: their files travel with every chunk.
     plugins = files_to_send()
     running = as_completed(loop=client.loop)
     under_way = 0
 
+    # Some chunks more than there are threads, so that no worker waits; workers may come and go.
     def width() -> int:
         threads: dict[str, int] = client.nthreads()
         return _AHEAD * max(1, sum(threads.values()))
@@ -191,6 +188,7 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
         running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
         return 1
 
+    # Chunks are made as they are sent: all of them at once would fill the memory.
     while under_way < width() and go_on():
         under_way += 1
     for future in running:
@@ -200,6 +198,7 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
             raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
         except TdintError:
             raise
+        # The scheduler forgets a result that is here.
         future.release()
         yield done
         under_way -= 1

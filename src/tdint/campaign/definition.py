@@ -115,15 +115,15 @@ class ParameterSweep:
         UsageError
             A drawn value is out of range; too many variations.
         """
+        # Refused before any of them is made: a typing error in a grid can mean millions.
         count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
         if count > _MOST:
             raise UsageError(f"the sweep has {count} variations of each building; {_MOST} are the most")
         grid = [dict(zip(self.grids, values, strict=True)) for values in itertools.product(*self.grids.values())]
-        return [point | draw for point in grid for draw in self._draws()]
-
-    def _draws(self) -> list[dict[str, float]]:
         if not self.random:
-            return [{}]
+            return grid
+
+        # Draws of a Latin hypercube: each parameter's range is covered, however few there are.
         from scipy.stats import qmc
 
         parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(self.samples)
@@ -132,7 +132,7 @@ class ParameterSweep:
         for draw in draws:
             for name, value in draw.items():
                 check_value(name, value)
-        return draws
+        return [point | draw for point in grid for draw in draws]
 
     def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
         """All variations of some models, those of one after those of the other.
@@ -244,6 +244,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
+    # Names are not declared: any number of a model's stories may be one.
     section = value.section([key.name for key in _SAMPLES] + names)
     if section is None:
         return None
@@ -251,6 +252,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
         entry = section.get(name)
         if entry is None or name in ("samples", "seed"):
             continue
+        # That a name cannot be a parameter shows without the models, which are not read yet.
         try:
             check_parameter(name)
         except UsageError as error:
@@ -261,6 +263,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
                 random[name] = drawn
         else:
             grids[name] = _values(entry, name)
+    # Samples without something random, or the other way round, are an oversight.
     counted, seeded = section.get("samples"), section.get("seed")
     samples = counted.whole(_DRAWS.low, _DRAWS.high) if counted else None
     seed = seeded.whole(_SEED.low, _SEED.high) if seeded else 0
@@ -273,6 +276,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:
     numbers: dict[float, None] = {}
+    # A value twice would be the same building twice: it counts once.
     for item in entry.items(_WHAT) or ():
         number = item.number(_NUMBER if name == "damping" else ANY)
         try:
@@ -286,6 +290,7 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
 
 def _distribution(entry: Value) -> Distribution | None:
     section = entry.section(list(DISTRIBUTIONS))
+    # Exactly one kind, so that none is silently taken before another.
     kinds = [kind for kind in DISTRIBUTIONS if section and section.has(kind)]
     if section is None or len(kinds) != 1:
         if section is not None:
@@ -299,6 +304,7 @@ def _distribution(entry: Value) -> Distribution | None:
     first, second = (numbers.number(name, _NUMBER) for name in names)
     if math.isnan(first) or math.isnan(second):
         return None
+    # What its numbers may be together the distribution knows itself.
     try:
         return Distribution(kinds[0], first, second)
     except UsageError as error:

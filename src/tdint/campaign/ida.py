@@ -223,11 +223,20 @@ def ida(
     subject, settings = _prepared(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
     chosen = measure or sa(subject.period)
+    # A pair is one motion of two records, with one intensity for both.
     parts = [(motion, record) for motion in suite for record in components(motion)]
     records = [record for _, record in parts]
-    _check_names(records)
+    # Records are told apart by their names in the tables and in the folder.
+    names = [record.name for record in records]
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise UsageError(f"{twice[0]}: this record is given twice")
+    if not names:
+        raise UsageError("no record: an incremental dynamic analysis needs one at least")
+    # Compiled before threads begin, which would all wait for it.
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
+    # A work is a record after a state of the building: its levels follow from its own runs alone.
     works = [
         _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
         for number, ((motion, record), before) in enumerate(
@@ -235,15 +244,18 @@ def ida(
         )
     ]
     paired = pair if len(parts) > len(suite) else None
+    # What the runs depend on is kept with them: another study in the folder is refused.
     identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
     with _opened(folder, identity) as (store, remarks), told_progress(progress, len(works), "record") as told:
         runs_of_works, resumed = _done(works, store, jobs, told)
     collapse_drift = subject.model.collapse_drift
     befores = [before for state in states for before in state]
+    # Curves in the order of the works: all records of a state, then those of the next.
     curves = [
         IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
         for record, runs, before in zip(records * len(states), runs_of_works, befores, strict=True)
     ]
+    # Collapse is the last of the thresholds, whatever others are asked for.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
     return IdaStudy(
         subject.model,
@@ -301,8 +313,10 @@ class _Work:
         settings: IdaSettings,
         before: DamagedState | None = None,
     ) -> _Work:
+        # Drifts that a mainshock has left tell nothing of the next shock: thresholds above them alone count.
         left = before.left if before else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
+        # The first level is below yield by the first mode, so that a curve begins elastic.
         levels = LevelSearch(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
@@ -310,6 +324,7 @@ class _Work:
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
+        # The mainshock keeps its scale while that of the record grows.
         if before:
             record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
         batch = Batch(0, subject, Motions({number: record}), {number: None}, how)
@@ -367,6 +382,7 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}")
+    # Without thresholds those of the model's own damage states, if these are drift ratios.
     states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
     medians = tuple(median for median in states.medians if median <= collapse_drift) if states else THRESHOLDS
     thresholds = medians if settings.thresholds is None else settings.thresholds
@@ -377,6 +393,7 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
             )
     if not settings.max_im > 0.0:
         raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
+    # An isolator has no drift ratio and needs no height; of isolators alone there would be none at all.
     without = [i for i, story in enumerate(model.stories, start=1) if story.height is None and not story.isolator]
     if all(story.isolator for story in model.stories):
         without = [1]
@@ -400,6 +417,7 @@ def _states(
         for record in records:
             assert mainshock is not None
             main = mainshock.before(record)
+            # Two records of a component share their mainshock: it is scaled once.
             key = (main.name, damage)
             if key not in by_key:
                 first = _elastic_scale(subject.prepared.building, main, drift)
@@ -422,15 +440,6 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     return float(np.min(limits / (ratios * spectral)))
 
 
-def _check_names(records: Sequence[Record]) -> None:
-    names = [record.name for record in records]
-    twice = [name for i, name in enumerate(names) if name in names[:i]]
-    if twice:
-        raise UsageError(f"{twice[0]}: this record is given twice")
-    if not names:
-        raise UsageError("no record: an incremental dynamic analysis needs one at least")
-
-
 def _identity(
     subject: Subject,
     measure: IntensityMeasure,
@@ -439,6 +448,7 @@ def _identity(
     paired: str | None,
 ) -> Identity:
     """What the runs depend on."""
+    # Other measures have neither periods nor a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None
     about = {
         "study": "ida",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -302,6 +302,7 @@ class IdaCurve:
         """
         if threshold >= self.collapse_drift:
             return self.collapse
+        # The first crossing counts: a curve may come back below a drift at a higher level.
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
@@ -426,6 +427,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
         The building collapses before.
     """
 
+    # A failed run and a collapse count as beyond any drift: the factor lies below theirs.
     def reached(factor: float) -> float:
         case = subject.case(main, factor)
         try:
@@ -434,36 +436,34 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
 
-    factor = _factor(reached, drift, first)
-    if factor is None:
-        raise AnalysisError(
-            f"{main.name}: the building does not reach a drift of {100.0 * drift:g} % under any factor on it without "
-            "collapse"
-        )
-    scaled = main.scaled(factor)
-    case = subject.case(scaled)
-    sequence = sequence_of(case, [scaled, scaled], dt=dt)
-    alone = ShockSequence(sequence.records[:1], (0,))
-    joined = case.under(alone.whole)
-    rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
-    (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
-    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
-
-
-def _factor(reached: Callable[[float], float], drift: float, first: float) -> float | None:
-    """The first factor with which a drift is reached, None if it is passed by."""
+    # Hunt upwards until the drift is reached, then halve; a drift that is passed by is that of no factor.
     low, high = 0.0, first
     for _ in range(_HUNTS):
         if reached(high) >= drift:
             break
         low, high = high, _DAMAGE_HUNT * high
     for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        reached_drift = reached(middle)
+        factor = 0.5 * (low + high)
+        reached_drift = reached(factor)
         if abs(reached_drift - drift) <= _EXACT * drift:
-            return middle
-        low, high = (middle, high) if reached_drift < drift else (low, middle)
-    return None
+            break
+        low, high = (factor, high) if reached_drift < drift else (low, factor)
+    else:
+        raise AnalysisError(
+            f"{main.name}: the building does not reach a drift of {100.0 * drift:g} % under any factor on it without "
+            "collapse"
+        )
+
+    # The mainshock by itself, until the building is at rest: what it leaves.
+    scaled = main.scaled(factor)
+    case = subject.case(scaled)
+    sequence = sequence_of(case, [scaled, scaled], dt=dt)
+    alone = ShockSequence(sequence.records[:1], (0,))
+    joined = case.under(alone.whole)
+    # The second one stands where the building has come to rest: that is how long it takes.
+    rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
+    (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
+    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
 
 
 def damages_of(mainshock: Mainshock | None, collapse_drift: float) -> Sequence[float]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,6 +104,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     rows: tuple[InventoryRow, ...] = ()
     faults: tuple[ModelError, ...] = ()
     sweep = campaign.sweep or ParameterSweep()
+    # Buildings first: faults of model files are told before records are read.
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
         with sweep.told_at_its_place():
@@ -119,10 +120,12 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         motions = read_motions(campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    # What is too far from any site is left out before a sweep multiplies it.
     far: tuple[ModelFault, ...] = ()
     if isinstance(campaign.records, GridFile | FieldFile) and motions.places is not None and motions.places.places:
         rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
         faults = (*faults, *((ModelError(lost),) if lost else ()))
+    # Costs go into no run, but a wrong one would come up only after all of them.
     if rows and isinstance(campaign.buildings, InventoryFile) and campaign.damage:
         _check_costs(campaign.buildings.file, rows)
     with sweep.told_at_its_place():
@@ -205,13 +208,10 @@ def _check_costs(file: str, rows: tuple[InventoryRow, ...]) -> None:
     for name in (COST, NUMBER):
         if name in [column.lower() for column in rows[0].columns]:
             bad = [row.id for row in rows if (text := row.cell(name)) and not number(text) >= 0.0]
-            faults += _faults(file, name, bad, _no_amount) if bad else []
+            if bad:
+                faults += _faults(file, name, bad, lambda _, text: no_number(text, "zero or a positive number"))
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
-
-
-def _no_amount(_: str, text: str) -> str:
-    return no_number(text, "zero or a positive number")
 
 
 def _placed(
@@ -233,6 +233,7 @@ def _placed(
     if not isinstance(campaign.buildings, InventoryFile):
         raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
     file, lost = campaign.buildings.file, list[ModelFault]()
+    # A row without a place is a fault of the file; one that is too far away is not.
     nowhere = [row.id for row in rows if row.latitude is None or row.longitude is None]
     if nowhere:
         missing = "is missing; motions at places need that of each building"
@@ -242,6 +243,7 @@ def _placed(
     placed = [row for row in rows if row.latitude is not None and row.longitude is not None]
     if not placed:
         raise ModelError(lost)
+    # What is nearest may be told in degrees; how far away it is, is always in m.
     sites = nearest(places_of(placed), motions.places, records.distance)
     away = meters(places_of(placed), [motions.places[site] for site in sites.tolist()])
     kept, beyond = list[InventoryRow](), dict[str, float]()
@@ -250,6 +252,7 @@ def _placed(
         if distance > records.max_distance:
             beyond[row.id] = distance
         elif isinstance(motions, FieldMotions):
+            # Cells are kept as JSON: those of the site go before it without reading it again.
             site_cells = json.dumps([motions.sites[site], f"{1e-3 * distance:.6g}"])
             kept.append(
                 replace(
@@ -286,6 +289,7 @@ def _assignment(
     if isinstance(motions, GridMotions):
         assert isinstance(records, GridFile)
         return GridDraws(rows, motions, records)
+    # Events without sites act on all buildings alike.
     if motions.sites == ("",):
         return FieldDraws(motions, np.zeros(len(rows) or models, dtype=np.int64))
     if motions.places:
@@ -295,6 +299,7 @@ def _assignment(
             f"{campaign.source}: events at sites need an inventory with a column `site`, or `sites` of the records, a "
             "file of their places"
         )
+    # Sites without places are named by the buildings themselves.
     numbers = {site: number for number, site in enumerate(motions.sites)}
     named = [row.cell("site") for row in rows]
     lost = [row.id for row, site in zip(rows, named, strict=True) if site not in numbers]
@@ -348,6 +353,7 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three may be left out"
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
+    # Columns that are left out say nothing: all components, the factor 1, the file's own units.
     components = table.texts("component") if table.has("component") else [""] * len(table.rows)
     factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
     units = table.texts("units") if table.has("units") else [""] * len(table.rows)
@@ -358,6 +364,7 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
         factor = _factor(sequences.file, line, text or "1")
         shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
     motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
+    # A sequence that cannot be used is told; the others are taken.
     for name, of_one in shocks.items():
         try:
             motions += _sequence(name, of_one, sequences, notes)
@@ -382,9 +389,11 @@ def _sequence(
 ) -> Iterator[SuiteMotion]:
     """A motion for each component that all shocks of a sequence have."""
     of_shocks: list[list[Record]] = []
+    common = sequences.choice
     for shock in shocks:
-        wanted = sequences.choice
-        choice = replace(wanted, component=shock.component or wanted.component, units=_units(shock) or wanted.units)
+        # What a row says of its file counts before what is said of all; an inventory is for the other rows.
+        units = {"*": shock.units} if shock.units else common.units
+        choice = replace(common, component=shock.component or common.component, units=units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
@@ -392,17 +401,13 @@ def _sequence(
             (*suite.notes, *(f"{part.source}: {text}" for part in suite.records for text in part.warnings))
         )
         of_shocks.append([record.scaled(shock.factor) for record in suite.records])
+    # Components go together by their names; a single one goes with whatever the others have.
     names = [[record.component for record in records] for records in of_shocks]
     if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
         raise RecordError("its records have different components; name one of each in the column component")
     for records in zip(*of_shocks, strict=True):
         whole = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
-
-
-def _units(shock: _Shock) -> dict[str, str]:
-    """What a row says of the units of its file; an inventory is for the other rows."""
-    return {"*": shock.units} if shock.units else {}
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:
@@ -418,24 +423,23 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     table = read_table(file, needs, columns=_FACTOR_COLUMNS)
     table.need(*_FACTOR_COLUMNS)
     names = zip(table.texts("record"), table.texts("component"), strict=True)
+    # A motion may have several factors; one that is there twice counts once.
     by_motion: dict[tuple[str, str], dict[float, None]] = {}
     for name, (line, text) in zip(names, table.lines("factor"), strict=True):
         by_motion.setdefault(name, {})[_factor(file, line, text)] = None
-    return FactorTable(file, {name: tuple(factors) for name, factors in by_motion.items()}, _told_beside(file))
 
-
-def _told_beside(file: str) -> Mapping[str, Any]:
-    """What `tdint scale` wrote beside a table of factors, if it is of this one; a table needs no such file."""
+    # What `tdint scale` wrote beside the table, if it is of this one; a table needs no such file.
     beside = Path(file.removesuffix(".gz")).with_suffix(".json")
     try:
-        told = json.loads(text := read_at_most(beside, MOST_BYTES, ModelError))
-        content = read_at_most(file, MOST_BYTES, ModelError)
-        ours = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == sha256(content).hexdigest()
+        told = json.loads(content := read_at_most(beside, MOST_BYTES, ModelError))
+        digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
+        is_of_this = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest
     except (OSError, ValueError, KeyError, TypeError, ModelError):
-        return {}
-    if ours:
-        note_input(beside, text)
-    return dict(told) if ours else {}
+        is_of_this = False
+    if is_of_this:
+        note_input(beside, content)
+    factors = {name: tuple(numbers) for name, numbers in by_motion.items()}
+    return FactorTable(file, factors, dict(told) if is_of_this else {})
 
 
 def _factor(file: str, line: int, text: str) -> float:

@@ -98,6 +98,7 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
+        # Each direction has a record of its own: half a turn, for the other half differs in sign alone.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         values = [
             value(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.run import Subject
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile, ParameterSweep
+from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
@@ -138,6 +138,7 @@ class Plan:
     def chunk(self, number: int) -> Chunk:
         """A chunk with all that its runs need. Errors are those of intensity measures that a motion does not have."""
         first, last = int(self._cuts[number]), int(self._cuts[number + 1])
+        # A chunk may begin and end within a building: its slice of that building's runs.
         at = int(np.searchsorted(self._ends, first, side="right"))
         chosen: list[tuple[int, slice]] = []
         while first < last:
@@ -154,6 +155,7 @@ class Plan:
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
+        # Of an inventory all buildings have the same wishes: some of them are enough.
         analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
@@ -167,6 +169,7 @@ class Plan:
     def _counts(self) -> NDArray[np.int64]:
         """Runs of each building."""
         counts: dict[int, int] = {}
+        # Buildings that draw alike have as many runs: counted once, for there may be a million.
         alike = [self.assignment.alike(building) for building in range(len(self.buildings))]
         for building, key in enumerate(alike):
             if key not in counts:
@@ -187,10 +190,12 @@ class Plan:
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
         stories = np.array([building.stories for building in self.buildings])
         counts = np.maximum(self._counts, 1)
+        # What a run costs, by its steps and stories, and by the building that is made for it.
         each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
         costs = np.cumsum(each * counts)
         length = min(max(costs[-1] / _CHUNKS, _SHORTEST), _LONGEST)
         targets = np.arange(length, costs[-1], length)
+        # Cuts by costs, not by numbers of runs: chunks then take about the same time.
         at = np.searchsorted(costs, targets)
         into = targets - (costs[at] - each[at] * counts[at])
         cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
@@ -203,24 +208,21 @@ class Plan:
         factors = self._factors(sources, draws)
         parts = []
         for place, (number, part) in enumerate(chosen):
-            runs = [
-                Run(draw.motion, self._in_grid(draw) * scale, draw.sample)
-                for draw in draws[place]
-                for scale in factors[place, draw.motion]
-            ]
+            runs = []
+            for draw in draws[place]:
+                # Levels of a value leave of a draw's own factor its sign alone.
+                factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
+                runs += [Run(draw.motion, factor * scale, draw.sample) for scale in factors[place, draw.motion]]
             largest = self._largest_step(number, sources[place], runs)
             parts.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
         return tuple(parts)
-
-    def _in_grid(self, draw: Draw) -> float:
-        """What a draw's own factor leaves to be multiplied: of levels of a value its sign alone."""
-        return math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
         """The largest step of a building for the tolerance, s: found once, whatever chunks its runs are in."""
         tolerance = self.settings.tolerance
         if tolerance is None:
             return math.inf
+        # Several threads may have runs of one building: who comes first chooses, the others wait.
         with self._choosing:
             mine = number not in self._chosen
             if mine:
@@ -240,6 +242,7 @@ class Plan:
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
         """The factors by the place of a building and the number of a motion."""
+        # By motion: its spectrum is computed once for the periods of all buildings.
         users: dict[int, list[int]] = {}
         for place, of_building in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in of_building):
@@ -266,10 +269,18 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """
     motions, notes = inputs.motions, list[str]()
     buildings = _buildings(campaign, inputs, notes)
-    levels = _levels(campaign, inputs)
+    levels: Levels
+    if isinstance(campaign.intensity, Scales):
+        levels = campaign.intensity
+    elif isinstance(campaign.intensity, MeasureLevels):
+        levels = replace(campaign.intensity, motions=motions.motions)
+    else:
+        assert inputs.factors is not None
+        levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
     if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
         peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
         notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
+    # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     if (
         damage
@@ -277,6 +288,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         and any("residual" in type_.demand for type_ in damage.types.values())
     ):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
+    # All that is said before the runs goes along: what was left out, and what may surprise.
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
@@ -287,7 +299,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         far=inputs.far,
         outputs=campaign.outputs,
-        style=(campaign.style, str(Path(campaign.source).parent.absolute())),
+        style=(campaign.style, str(Path(campaign.source).parent.absolute()) if campaign.style else ""),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
         damage=damage,
@@ -300,45 +312,32 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    buildings, analysis = campaign.buildings, campaign.analysis
-    if isinstance(buildings, InventoryFile):
+    """The buildings with their methods: that of the campaign, of a model, or the default, which is noted."""
+    inventory, analysis = campaign.buildings, campaign.analysis
+    # An inventory has rules for all rows; their scatter is drawn by the id of each.
+    if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).told_at_its_place():
-            return inventory_buildings(inputs.rows, _rules(buildings, analysis, notes))
+            if analysis.method is None:
+                notes.append(f"no method is named, {DEFAULT_METHOD} is used")
+            rules = Rules(
+                name=inventory.rules,
+                stiffness=inventory.stiffness_scatter,
+                damping=inventory.damping_scatter,
+                seed=inventory.seed,
+                method=analysis.method or DEFAULT_METHOD,
+                collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
+                p_delta=bool(analysis.p_delta),
+            )
+            return inventory_buildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
-    return given_buildings([_subject(model, analysis.method, notes) for model in inputs.models])
-
-
-def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
-    """A building with its method: that of the campaign, of the model, or the default, which is noted."""
-    chosen = method or model.analysis.method
-    if chosen is None:
-        chosen = DEFAULT_METHOD
-        notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
-    subject = Subject(model, chosen)
-    notes += [f"{model.source}: {text}" for text in doubts(model, subject.prepared.building)]
-    return subject
-
-
-def _rules(inventory: InventoryFile, analysis: AnalysisWishes, notes: list[str]) -> Rules:
-    if analysis.method is None:
-        notes.append(f"no method is named, {DEFAULT_METHOD} is used")
-    return Rules(
-        name=inventory.rules,
-        stiffness=inventory.stiffness_scatter,
-        damping=inventory.damping_scatter,
-        seed=inventory.seed,
-        method=analysis.method or DEFAULT_METHOD,
-        collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
-        p_delta=bool(analysis.p_delta),
-    )
-
-
-def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
-    intensity = campaign.intensity
-    if isinstance(intensity, Scales):
-        return intensity
-    if isinstance(intensity, MeasureLevels):
-        return replace(intensity, motions=inputs.motions.motions)
-    assert inputs.factors is not None
-    return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions.motions)})
+    # Models may bring methods of their own, unless the campaign names one for all.
+    subjects = []
+    for model in inputs.models:
+        method = analysis.method or model.analysis.method
+        if method is None:
+            method = DEFAULT_METHOD
+            notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
+        subjects.append(Subject(model, method))
+        notes += [f"{model.source}: {text}" for text in doubts(model, subjects[-1].prepared.building)]
+    return given_buildings(subjects)

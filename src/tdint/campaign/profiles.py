@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -172,23 +172,23 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         )
     if len(names) == 1:
         raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
+    # By the texts of scale and level: nan is a key then, too.
     bases = {(repr(other.scale), repr(other.level)): other for other in profiles if other.building == baseline}
-    return [
-        _ratios(profile, base, quantity)
-        for profile in profiles
-        if profile.building != baseline and (base := bases.get((repr(profile.scale), repr(profile.level)))) is not None
-        for quantity in STORY
-    ]
-
-
-def _ratios(profile: Profile, base: Profile, quantity: Quantity) -> Ratios:
-    ours, theirs = profile.statistics(quantity), base.statistics(quantity)
-    values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
-    return Ratios(profile.building, base.building, profile.scale, profile.level, quantity, **values)
+    compared = []
+    for profile in profiles:
+        base = bases.get((repr(profile.scale), repr(profile.level)))
+        if base is None or profile.building == baseline:
+            continue
+        for quantity in STORY:
+            ours, theirs = profile.statistics(quantity), base.statistics(quantity)
+            values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
+            compared.append(Ratios(profile.building, baseline, profile.scale, profile.level, quantity, **values))
+    return compared
 
 
 def _over(ours: Array, theirs: Array) -> Array:
     common = min(ours.size, theirs.size)
+    # First the largest of all stories, which a building may have in another story than the baseline.
     tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
     over, under = np.concatenate([[tops[0]], ours[:common]]), np.concatenate([[tops[1]], theirs[:common]])
     positive = (under > 0.0) & np.isfinite(over)
@@ -221,6 +221,7 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
     ratios = profile.peaks[DRIFT_RATIO]
     if np.isnan(ratios).all():
         raise UsageError(f"{profile.building}: a limit of drift ratios needs story heights, and the model gives none")
+    # The story with the largest mean, not the mean of the largest: as codes check drifts of a suite.
     mean = np.mean(ratios, axis=0)
     worst = int(np.nanargmax(mean))
     stood = not (profile.collapsed or profile.failed)
@@ -298,15 +299,25 @@ class SuiteRules:
         """Those of a campaign."""
         settings = {name: json.loads(value) for name, value in store.settings().items()}
         values = sorted(settings.get("levels", ()), key=abs)
-        return cls(motion_numbers(store.records()), values, has_levels(store), _measure(settings) if values else _RANK)
+        measure = _RANK
+        if values:
+            name, period = settings["measure"], settings["period"]
+            unit = measure_at(name, SA_DAMPING, 1.0).unit
+            measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
+        return cls(motion_numbers(store.records()), values, has_levels(store), measure)
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
-        for rank, keys in enumerate(_by_level(status)):
+        by_rank: dict[int, list[Run]] = defaultdict(list)
+        # Levels by rank of the factors, for motions may have factors of their own.
+        for key, rank in level_ranks(status).items():
+            by_rank[rank].append(key)
+        for rank, keys in sorted(by_rank.items()):
             scales = {key.scale for key in keys}
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
                 grouped[self.motions[key.motion], key.sample].append(key)
+            # A pair is one motion: it failed or fell if one of its components did.
             failed = [runs for runs in grouped.values() if any(status[key] not in (DONE, *FALLEN) for key in runs)]
             fell = [runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)]
             yield SuiteLevel(
@@ -318,12 +329,6 @@ class SuiteRules:
                 len(failed),
                 self.measure,
             )
-
-
-def _measure(settings: Mapping[str, Any]) -> tuple[str, str]:
-    """What the levels of a campaign are values of, and its unit."""
-    name, period = settings["measure"], settings["period"]
-    return f"{name}({period})" if name in SPECTRAL else name, measure_at(name, SA_DAMPING, 1.0).unit
 
 
 def has_levels(store: Store) -> bool:
@@ -367,6 +372,7 @@ def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int
     for number, (name, _, _) in records.items():
         groups[motion_name(name)].append(number)
     numbers = {number: number for number in records}
+    # Files of one motion by their names alone; pairs that were read as such are told by the direction.
     for first, *others in groups.values():
         if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
             numbers[others[0]] = first
@@ -388,14 +394,6 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     return {
         key: rank for keys in factors.values() for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
     }
-
-
-def _by_level(runs: Iterable[Run]) -> list[list[Run]]:
-    """The runs of each level."""
-    levels: dict[int, list[Run]] = defaultdict(list)
-    for key, rank in level_ranks(runs).items():
-        levels[rank].append(key)
-    return [levels[rank] for rank in sorted(levels)]
 
 
 # ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the motions
@@ -489,6 +487,7 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY 1, 2, 3, 4"
     ).fetchall()
     floors: list[RunFloors] = []
+    # Building by building, so that each is made once, its runs then side by side.
     buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
     for building, record, scale, sample, dt in done:
         buildings[building].append((Run(record, scale, sample), dt))
@@ -520,6 +519,7 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
         of_buildings[floor_run.building][floor_run.run] = floor_run.spectra
     names = store.buildings()
     for number, spectra in of_buildings.items():
+        # A motion that fell or failed has no history: the others alone are taken together.
         for level in suite_levels(store, number):
             if not level.stood:
                 continue

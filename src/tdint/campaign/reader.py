@@ -115,6 +115,7 @@ def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile |
     section = value.section()
     if section is None:
         return None
+    # Each way has its own keys: those of another one would be without effect, and are told.
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
         section.refuse(others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
@@ -131,6 +132,7 @@ def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile |
         shocks, choice = section.file("sequences"), _choice(section)
         return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
     section.refuse(("rest",), "belongs to `sequences`")
+    # Files are the usual way: without any of the four these are asked for.
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders", "is empty; give at least one record") if files else None
     pairs, component = section.get("pairs"), section.get("component")
@@ -160,6 +162,7 @@ def _fields(section: Section) -> FieldFile | None:
     both, component = pairs.boolean() if pairs else False, section.get("component")
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
+    # Only where sites have places is there something to be near to.
     if not sites:
         section.refuse(("distance", "max_distance"), "has nothing to act on without `sites`")
     choice, distance = _choice(section), section.read("distance", "km")
@@ -183,6 +186,7 @@ def _meters(text: str) -> float:
 
 def _grid(section: Section, units: str | None) -> GridFile | None:
     file, distance = section.file("grid"), section.read("distance", "km")
+    # Rows as events are all done: numbers and seed of draws would be without effect.
     if section.read("events"):
         section.refuse(("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
         largest = _largest(section)
@@ -317,10 +321,15 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     records = section.need("records", "give `files` or a `grid`")
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
-    chosen = _chosen(stated) if stated and stated.is_list else None
+    # A list chooses all tables that are written, keys add to what is usual.
+    chosen = None
+    if stated and stated.is_list:
+        items = stated.items("a list of tables", "is empty; name at least one table") or ()
+        chosen = tuple(table for item in items if (table := item.choice(_TABLES, "table")))
     outputs = stated.section(_OUTPUTS) if stated and chosen is None else None
     dt = analysis.get("dt")
     read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
+    # Profiles come by default for single models; of inventories they would be large.
     models = isinstance(read_buildings, ModelFiles)
     return CampaignFile(
         name=section.text("name") or name,
@@ -344,12 +353,6 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     )
 
 
-def _chosen(value: Value) -> tuple[str, ...]:
-    """The tables that a list chooses."""
-    items = value.items("a list of tables", "is empty; name at least one table") or ()
-    return tuple(name for item in items if (name := item.choice(_TABLES, "table")))
-
-
 def _check_together(section: Section) -> None:
     """What one part asks for and the motions of another leave without effect."""
     records = section.get("records")
@@ -358,9 +361,11 @@ def _check_together(section: Section) -> None:
         value = section.get(part)
         return value.peek(name) if value else None
 
+    # Of a grid pairs may be without the key: its files have both components.
     pair, pairs = said("intensity", "pair"), said("records", "pairs")
     if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
         pair.fault("has nothing to act on without `pairs: true` of the records")
+    # A sequence has its own end: that of its last shock.
     if (duration := said("analysis", "duration")) and said("records", "sequences"):
         duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
     for name in ("measure", "factors"):
@@ -390,6 +395,7 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     if models is None:
         section.need("models", "give a list of model files, or an inventory in its place")
         return None
+    # Models bring what the keys of an inventory say.
     section.refuse(_BUILDINGS[2:], "belongs to an `inventory`")
     items = models.items("a list of model files", "is empty; give at least one model file")
     return ModelFiles(tuple(file for item in items or () if (file := item.file())))
@@ -404,6 +410,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     unit = length.read() if length else None
     kind, classes = section.read("damping"), section.file("classes")
     numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
+    # Rules by capacity curves read another table and know no scatter.
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
         section.refuse(("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
@@ -419,6 +426,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     section = value.section() if value else None
     if value is None or section is None:
         return None
+    # One way at a time: levels of a measure make the factors that the others give.
     ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
     if len(ways) != 1:
         value.fault("give one of scales, measure and factors" + (f", not {' and '.join(ways)}" if ways else ""))
@@ -429,23 +437,21 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
-    return Scales(_scales(section))
-
-
-def _scales(section: Section) -> tuple[float, ...]:
-    value = section.get("scales")
-    items = value.items("a list of factors", "is empty; give at least one factor") if value else None
+    factors = section.get("scales")
+    items = factors.items("a list of factors", "is empty; give at least one factor") if factors else None
+    # A factor twice would be the same run twice.
     numbers: dict[float, None] = {}
     for item in items or ():
-        number = item.number(ANY)
-        if number == 0.0:
+        factor = item.number(ANY)
+        if factor == 0.0:
             item.fault("must not be zero")
-        numbers[number] = None
-    return tuple(numbers)
+        numbers[factor] = None
+    return Scales(tuple(numbers))
 
 
 def _levels(section: Section) -> MeasureLevels | None:
     named = section.get("measure")
+    # Of some measures no factor leads to a level.
     for unlevelled, reason in WITHOUT_LEVELS.items():
         if named and named.is_word(unlevelled):
             named.fault(f"{unlevelled}: {reason}; no level can be asked of it")
@@ -457,23 +463,20 @@ def _levels(section: Section) -> MeasureLevels | None:
     items = levels.items("a list of values with their unit", empty) if levels else None
     if name is None:
         return None
+    # Each level has its unit in the file: what it must be a unit of hangs on the measure.
     quantity = "acceleration" if name in ("pga", *SPECTRAL) else "velocity"
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
-    period = _period(section, name)
-    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
-
-def _period(section: Section, name: str) -> float | None:
-    """The period of the measure; None for that of each building."""
-    value = section.get("period")
+    # The period of a spectral measure, by default that of each building; others have none.
+    period, stated = None, section.get("period")
     if name not in SPECTRAL:
-        if value:
-            value.fault(f"{name} has no period")
-        return 1.0
-    if value is None or value.is_word(_FIRST):
-        return None
-    number = value.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
-    return None if math.isnan(number) else number
+        period = 1.0
+        if stated:
+            stated.fault(f"{name} has no period")
+    elif stated and not stated.is_word(_FIRST):
+        seconds = stated.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
+        period = None if math.isnan(seconds) else seconds
+    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
 
 def _level(value: Value, quantity: str) -> float:
@@ -487,6 +490,7 @@ def _level(value: Value, quantity: str) -> float:
     except UsageError:
         value.fault(f"must be a positive number with its unit, such as {example}, got {text!r}")
         return math.nan
+    # A bare unit is no value: its factor is the level.
     if units.quantity != quantity or not units.has_factor:
         value.fault(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
         return math.nan

@@ -224,6 +224,7 @@ def _least(fitted: Scaling) -> tuple[float, float]:
     slope = 0.5 / fitted.damping + 2.0
     low, high = float(np.min(periods)), float(np.max(periods))
     inside = target.periods[(target.periods > low) & (target.periods < high)]  # its corners among them
+    # Halve intervals until none can hide anything lower than the lowest found.
     x, y = np.empty(0), np.empty(0)
     new = np.log(np.unique([*periods, *inside]))
     while new.size and x.size < _MOST:
@@ -264,6 +265,7 @@ def scale_p695(
     _check_pairs(pairs, "p695")
     if (period is None) != (value is None):
         raise UsageError("a set is scaled to a pseudo-acceleration at a period: give both or none")
+    # Normalized by the peak velocities first: what motions differ by in magnitude and distance goes.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:
@@ -271,6 +273,7 @@ def scale_p695(
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
     measure = sa(period, damping)
+    # Then one factor for the whole set, so that differences between the motions stay.
     values = [
         factor * measure.of(record) for pair, factor in zip(pairs, factors, strict=True) for record in components(pair)
     ]

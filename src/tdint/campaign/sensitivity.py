@@ -196,6 +196,7 @@ def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -
     for place, quantity in enumerate(PEAKS):
         of_peak = []
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
+            # The order in which `one_at_a_time` makes them: as it is, then low and high of each.
             at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
             of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
         result += sorted(of_peak, key=lambda swing: -swing.swing if swing.swing == swing.swing else math.inf)
@@ -215,6 +216,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     varied = store.varied()
     if not varied:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
+    # Variations carry their building's name before the colon: they belong together.
     names = {number: name.partition(": ")[0] for number, (name, _) in store.buildings().items()}
     groups: dict[tuple[str, float], list[tuple[int, Array]]] = {}
     for (number, scale), values in _medians(store, by_scale=True).items():
@@ -225,8 +227,10 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
             x = np.array([varied[number].get(parameter, math.nan) for number, _ in members])
             for place, quantity in enumerate(PEAKS):
                 y = np.array([values[place] for _, values in members])
+                # A draw without a peak, or without this parameter, has no rank.
                 there = np.isfinite(x) & np.isfinite(y)
                 both = x[there], y[there]
+                # Ranks of equal values correlate with nothing.
                 moving = all(np.unique(ranks).size > 1 for ranks in both)
                 coefficient = float(spearmanr(*both)[0]) if moving else math.nan
                 correlations.append(
@@ -241,11 +245,10 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     columns = ", ".join(peak.column for peak in PEAKS)
     for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
-    return {key: _median(np.array(rows, dtype=np.float64)) for key, rows in runs.items()}
-
-
-def _median(rows: Array) -> Array:
-    """Of each column; nan where a run in two has no value: a collapse has none, and is no small peak."""
-    ordered = np.sort(rows, axis=0)  # nan last: larger than any peak
-    middle = (rows.shape[0] - 1) / 2.0
-    return np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    medians = {}
+    for key, rows in runs.items():
+        # A run without a value, as a collapse is, counts as larger than any peak: where one in two has none, nan.
+        ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
+        middle = (len(rows) - 1) / 2.0
+        medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    return medians

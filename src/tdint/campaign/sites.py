@@ -72,13 +72,21 @@ def read_grid(grid: GridFile) -> FoundMotions:
         raise RecordError(
             f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
         )
+    columns = ("GP_file", "Longitude", "Latitude")
+    table = read_table(grid.file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
+    table.need(*columns)
+    degrees = _degrees(table, "Longitude", "Latitude")
+    points = list(zip(table.texts("GP_file", empty=False), degrees, strict=True))
+
+    # The motions of each point; a record that stands in several files is read once.
     folder = Path(grid.file).parent
     motions: list[SuiteMotion] = []
     numbers: dict[str, tuple[int, ...]] = {}
     failures: list[RecordError] = []
-    points, of_points = [], []
-    for file, place in _points(grid.file):
+    of_points = []
+    for file, _ in points:
         of_point: list[PointMotion] = []
+        # A record that cannot be read is told once, and its draws are without it.
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
                 first = len(motions)
@@ -88,12 +96,12 @@ def read_grid(grid: GridFile) -> FoundMotions:
                     failures.append(error)
                 numbers[name] = tuple(range(first, len(motions)))
             of_point.append((numbers[name], factor))
-        points.append((file, place))
         of_points.append(of_point)
     if not motions:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
     if grid.events:
         return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
+    # Points that lose all of their motions drop out: buildings near them draw from the others.
     kept = [
         (place, tuple(motion for motion in motions if motion[0]))
         for (_, place), motions in zip(points, of_points, strict=True)
@@ -107,6 +115,7 @@ def _rows_as_events(
     source: str, points: Sequence[tuple[str, tuple[float, float]]], of_points: Sequence[Sequence[PointMotion]]
 ) -> FieldMotions:
     """The field in which the k-th row of each point's file is event k."""
+    # An event is a row of all files: rows that are missing somewhere would shift those below.
     count = len(of_points[0])
     for (file, _), motions in zip(points, of_points, strict=True):
         if len(motions) != count:
@@ -143,6 +152,7 @@ def read_field(field_file: FieldFile) -> FoundMotions:
         No record can be read.
     """
     places = _site_places(field_file.sites) if field_file.sites else {}
+    # Rows first: a fault in the table shows before any record is read.
     rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
     records = _FieldRecords(field_file)
     motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
@@ -172,6 +182,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
         if name in rates:
             raise ModelError(f"{file}:{line}: event {name!r} is there twice")
         rates[name] = value
+    # An event without a rate would be left out of every annual loss without a word.
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
@@ -207,6 +218,7 @@ class _FieldRows:
     def twice(self, file: str) -> list[str]:
         """What is wrong with rows of an event and a site that an earlier row has."""
         site, event, *_ = self.arrays()
+        # Event and site as one number: equal ones stand side by side once sorted.
         key = event.astype(np.int64) * len(self.sites) + site
         order = np.argsort(key, kind="stable")
         again = np.flatnonzero(np.diff(key[order]) == 0)
@@ -234,6 +246,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     file = field.file
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
     columns = (*_EVENTS, *_SITES, "record", "component", "factor")
+    # Row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
     table.need(event, "record", *([site] if field.sites else ()))
@@ -241,6 +254,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     names = (event, "record", site, "component", value)
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
+    # Faults are gathered up to a number, so that one look at the file mends them all.
     rows, faults = _FieldRows(sites), list[str]()
     for line, cells in lines:
         if len(faults) >= _MOST_FAULTS:
@@ -248,6 +262,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
         if table.overfull(cells):
             faults.append(f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
+        # Cells that are missing at the end are empty ones.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
         event_name, record, place, component, text = (cells[number].strip() for number in at)
         missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
@@ -263,6 +278,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             faults.append(f"{file}:{line}: {value} {no_number(text, 'a positive number' if measure else 'a number')}")
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
+        # Names become numbers, 24 bytes a row.
         else:
             rows.site.append(sites.setdefault(place, len(sites)))
             rows.event.append(rows.events.setdefault(event_name, len(rows.events) + 1))
@@ -283,6 +299,7 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
     """The column of factors, or of OpenQuake's intensities, gmv_PGA, gmv_PGV or gmv_SA(0.6), its unit in SI, and the
     measure of these; no column where all factors are 1."""
     columns = [name for name in table.header if name.startswith("gmv_")]
+    # A column of factors goes before OpenQuake's intensities, which may then be any number.
     if table.has("factor") or not columns:
         return "factor" * table.has("factor"), 1.0, None
     match = _GMV.fullmatch(columns[0])
@@ -342,6 +359,7 @@ class _FieldRecords:
 
     def _read(self, record: str, component: str) -> tuple[SuiteMotion, ...]:
         field, file = self._wanted, resolve(record, Path(self._wanted.file).parent)
+        # Records of SimCenter's events are JSON, all others are records as elsewhere.
         if file.endswith(".json"):
             return _json_motions(file, component, field)
         choice = replace(field.choice, component=component or field.choice.component)
@@ -359,6 +377,7 @@ class _FieldRecords:
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
     """The components of a motion as SimCenter has them."""
+    # Such a file says nothing of its units.
     unit = file_units(field.choice.units).of(file, "JSON")
     if unit is None:
         raise RecordError(f"{file}: does not say its units; give `units` of the records")
@@ -374,15 +393,6 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
     return tuple(kept if field.pairs else (replace(motion, whole=motion.record, direction=1) for motion in kept))
 
 
-def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
-    """The file of each point of a grid, and its longitude and latitude, degrees."""
-    columns = ("GP_file", "Longitude", "Latitude")
-    table = read_table(file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
-    table.need(*columns)
-    places = _degrees(table, "Longitude", "Latitude")
-    return list(zip(table.texts("GP_file", empty=False), places, strict=True))
-
-
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
     """The places of rows, degrees."""
     east, north = table.numbers(longitude), table.numbers(latitude)
@@ -396,16 +406,12 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
     needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
     table = read_table(file, needs, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
-    return list(zip(names, _factors(table), strict=True))
-
-
-def _factors(table: CsvTable) -> list[float]:
-    """The factor of each row, 1 where nothing is said."""
-    if not table.has("factor"):
-        return [1.0] * len(table.rows)
-    factors = table.numbers("factor", empty=True)
-    table.check("factor", (value != 0.0 for value in factors), "must not be zero")
-    return [1.0 if math.isnan(factor) else factor for factor in factors]
+    factors = [1.0] * len(names)
+    if table.has("factor"):
+        numbers = table.numbers("factor", empty=True)
+        table.check("factor", (number != 0.0 for number in numbers), "must not be zero")
+        factors = [1.0 if math.isnan(number) else number for number in numbers]
+    return list(zip(names, factors, strict=True))
 
 
 def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
@@ -426,9 +432,19 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    content = _read_json(file)
+    try:
+        data = read_at_most(file, MOST_BYTES, RecordError)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(data) > MOST_BYTES:
+        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
+    try:
+        content: object = json.loads(data, parse_int=float)  # all numbers are floats then
+    except (ValueError, RecursionError) as error:
+        raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
         raise RecordError(f"{file}: needs dT and data_x")
+    # Python's JSON takes nan and Infinity, too.
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
         limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
@@ -445,18 +461,3 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     if len(records) == 2 and records[0].acceleration.size != records[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
     return records
-
-
-def _read_json(file: Path) -> object:
-    """What a JSON file holds; all its numbers are floats."""
-    try:
-        data = read_at_most(file, MOST_BYTES, RecordError)
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > MOST_BYTES:
-        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
-    try:
-        content: object = json.loads(data, parse_int=float)
-    except (ValueError, RecursionError) as error:
-        raise RecordError(f"{file}: not JSON: {error}") from None
-    return content

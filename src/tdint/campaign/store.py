@@ -302,14 +302,12 @@ class Store:
             They cannot be taken out.
         """
         with in_words(self.name):
+            # By checksums of the rows themselves, not by what the store says of them.
             bad = schema.damaged_chunks(self.connection)
-            if identity is not None:
+            if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                bad |= {
-                    number
-                    for number, runs in chunks
-                    if not (0 <= number < identity.chunks and identity.size(number) in (None, runs))
-                }
+                size = identity.size
+                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and size(i) in (None, runs))}
             if not bad:
                 return 0
             self.remove(bad)
@@ -369,10 +367,12 @@ class Store:
             "style": json.dumps(identity.style),
             "periods": json.dumps([item.subject().period for item in identity.buildings if item.is_model]),
         }
+        # Most calls say what is there already: nothing is written then, and others can read on.
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
         same = all(self._known(key) == value for key, value in values.items())
         if same and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
+        # All or nothing, sealed in the same transaction, so that no reader finds half of it.
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)

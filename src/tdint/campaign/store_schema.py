@@ -104,6 +104,7 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
         The lock stays.
     """
     try:
+        # Twice: a short while without a word, then what keeps it is told.
         for patience in (_SILENT, _LONGEST):
             connection.execute(f"PRAGMA busy_timeout={patience}")
             try:
@@ -188,6 +189,7 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    # A named pipe in its place would be waited for without end.
     if (folder / LOCK).exists() and not is_file(folder / LOCK):
         raise OutputError(f"{folder / LOCK}: is not a regular file; remove it, or write elsewhere")
     try:
@@ -204,6 +206,7 @@ def locked(folder: Path) -> Iterator[None]:
             raise OutputError(
                 f"{folder / LOCK}: is no lock of tdint ({error}); remove it, or write elsewhere"
             ) from None
+        # Only who has the lock knows that unfinished files belong to nobody.
         remove_abandoned(folder)
         yield
     finally:
@@ -256,6 +259,7 @@ class RowTable:
     @property
     def create_view(self) -> str:
         """What makes its view."""
+        # For people who look with SQLite: names in place of numbers, first who and how, then results.
         shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
@@ -377,6 +381,7 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
     stated = {
         number: rest for number, *rest in connection.execute("SELECT id, runs, stories, seconds, sha256 FROM chunks")
     }
+    # All tables are read once, and each row goes into the digest of its chunk.
     digests = {number: hashlib.sha256(repr((number, rest[2])).encode()) for number, rest in stated.items()}
     counts = {number: [0, 0, 0] for number in stated}
     lost: set[int] = set()
@@ -412,6 +417,7 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
     UntrustedStoreError
         It is not.
     """
+    # The file first, then its layout, then what it says of its campaign: each makes sense only after the one before.
     (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
         raise UntrustedStoreError(name, f"SQLite says: {' '.join(verdict.split())}")
@@ -420,6 +426,7 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         if version is not None and version[0] != VERSION:
             raise UntrustedStoreError(name, f"its layout is {version[0]!r:.20}, that of this tdint is {VERSION!r}")
+    # A trigger would run when tables are written: a store has none.
     triggers = connection.execute("SELECT count(*) FROM sqlite_master WHERE type = 'trigger'").fetchone()[0]
     if triggers or not stated.issuperset(TABLES):
         raise UntrustedStoreError(name, "its tables are not those of a campaign")

@@ -6,7 +6,8 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -94,6 +95,7 @@ def look_at_gcf(data: bytes) -> int:
     for place in range(0, len(data), _BLOCK):
         system, stream, clock, _, rate, compression, records = _GCF_HEADER.unpack_from(data, place)
         block = f"block {place // _BLOCK}"
+        # Blocks without a rate hold words on the recorder's state.
         if not rate:
             if compression & 7 != _STATUS or not records:
                 raise Damaged(f"{block} is neither one of samples nor one of words")
@@ -285,13 +287,18 @@ def look_at_gse(data: bytes) -> list[int]:
         A section is cut off, damaged, or holds another number of samples than its header states.
     """
     counts = []
-    for version, lines in _sections(data):
+    for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
+        if section[:3] != b"WID":
+            continue
+        # The station's line, where there is one, is read by itself.
+        lines, version = section.split(b"\n"), section[3:4].decode()
+        heading = 2 if version == "1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
         npts, datatype, compressed = _FIELDS[version]
         count = lines[0][npts].strip()
         if not count.isdigit():
             raise Damaged("a section does not tell its number of samples")
         if lines[0][datatype].strip() == compressed:
-            _check_compressed(lines[1:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
+            _check_compressed(lines[heading:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
         counts.append(int(count))
     return counts
 
@@ -305,16 +312,6 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
         for count, trace in zip(counts, traces, strict=True)
         for statement in (Statement(SAMPLES, count, len(trace.data)), Statement(CHECKSUM, 0.0, 0.0))
     ]
-
-
-def _sections(data: bytes) -> Iterator[tuple[str, list[bytes]]]:
-    """The sections of a file, each from its WID line on, without the station's line, which is read by itself."""
-    for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
-        if section[:3] != b"WID":
-            continue
-        lines = section.split(b"\n")
-        heading = 2 if section[:4] == b"WID1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
-        yield section[3:4].decode(), [lines[0], *lines[heading:]]
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
@@ -355,7 +352,12 @@ def look_at_timeseries(data: bytes) -> list[tuple[int, float]]:
         header, last = _TIMESERIES.match(section), _PAIR.search(section[-200:])
         if not header:
             raise Damaged("a header TIMESERIES does not tell samples, rate and time")
-        sections.append((int(header[1]), _between(header[3], last[1]) if last else math.nan))
+        length = math.nan
+        if last:
+            with suppress(ValueError, TypeError):  # A text that is no time, or one with a zone beside one without.
+                start, end = (datetime.fromisoformat(text.decode("ascii")) for text in (header[3], last[1]))
+                length = (end - start).total_seconds()
+        sections.append((int(header[1]), length))
     return sections
 
 
@@ -392,6 +394,7 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
         header = trace.stats.get("knet")
         if header is None:
             raise Damaged("its header has no end")
+        # The header has no number of samples: duration and rate tell it.
         length = header.duration * trace.stats.sampling_rate
         if not (math.isfinite(length) and length > 0.0):
             raise Damaged("its header gives no length that a record can have")
@@ -404,25 +407,12 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
     return statements
 
 
-def _between(first: bytes, last: bytes) -> float:
-    """Seconds from one printed time to another; nan if one is none."""
-    try:
-        start, end = (datetime.fromisoformat(text.decode("ascii")) for text in (first, last))
-        return (end - start).total_seconds()
-    except (ValueError, TypeError):
-        return math.nan
-
-
 def _same_number(stated: int, count: int) -> None:
     if stated != count:
         raise Damaged(f"it has {stated} headers of channels, {count} could be read")
 
 
 # ---- Check
-
-
-def _nothing(_: bytes) -> None:
-    return None
 
 
 @dataclass(frozen=True)
@@ -438,7 +428,7 @@ class Check:
     """
 
     statements: Callable[[Any, list[Any]], list[Statement]]
-    look: Callable[[bytes], Any] = _nothing
+    look: Callable[[bytes], Any] = lambda _: None
 
 
 CHECKS = {

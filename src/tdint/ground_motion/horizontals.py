@@ -95,9 +95,34 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         names = ", ".join(record.component or record.id or record.source for record in matches) or "none"
         raise RecordError(f"{source}: two horizontal components are needed, there are {len(matches)}: {names}")
     first, second = matches
-    notes = [*_check_directions(first, second, source), *_check_instrument(first, second, source)]
-    first, second, cut = _of_equal_length(first, second, source)
+    notes = []
+
+    # At right angles, by azimuths or by names that say so; unknown names are believed.
     ahead, behind = azimuth(first.component), azimuth(second.component)
+    if not at_right_angles(first.component, second.component):
+        names = f"{first.component or 'one'} and {second.component or 'the other'}"
+        if ahead is not None and behind is not None:
+            angle = abs((behind - ahead + 90.0) % 180.0 - 90.0)
+            raise RecordError(f"{source}: {names} are {angle:g} degrees apart, not at right angles")
+        if first.component.strip() and first.component.strip().upper() == second.component.strip().upper():
+            raise RecordError(f"{source}: both components are called {first.component}")
+        notes.append(f"directions unknown from the names: {names} are taken as two horizontals at right angles")
+
+    # Of one instrument: step, station and start are the same, the samples are not.
+    if not isclose(first.dt, second.dt, rel_tol=1e-6):
+        raise RecordError(f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s")
+    stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
+    if all(stations) and stations[0] != stations[1]:
+        raise RecordError(f"{source}: the components are of different stations, {stations[0]} and {stations[1]}")
+    if first.start and second.start:
+        late = (datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)).total_seconds()
+        if abs(late) > 0.5 * first.dt:
+            raise RecordError(f"{source}: the components begin {abs(late):g} s apart; cut both to the same start first")
+    if first.acceleration.size == second.acceleration.size and (first.acceleration == second.acceleration).all():
+        raise RecordError(f"{source}: both components are the same")
+
+    # The first is the one from which the second is turned clockwise.
+    first, second, cut = _of_equal_length(first, second, source)
     if ahead is not None and behind is not None and (behind - ahead) % 360.0 > 180.0:
         first, second = second, first
     return Horizontals(first, second, (*notes, *cut))
@@ -127,36 +152,6 @@ def at_right_angles(component: str, other: str) -> bool:
         return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
     code, partner = component.strip().upper(), other.strip().upper()
     return bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
-
-
-def _check_directions(first: Record, second: Record, source: str) -> list[str]:
-    azimuth_1, other = azimuth(first.component), azimuth(second.component)
-    names = f"{first.component or 'one'} and {second.component or 'the other'}"
-    if azimuth_1 is not None and other is not None:
-        angle = abs((other - azimuth_1 + 90.0) % 180.0 - 90.0)
-        if not at_right_angles(first.component, second.component):
-            raise RecordError(f"{source}: {names} are {angle:g} degrees apart, not at right angles")
-        return []
-    if at_right_angles(first.component, second.component):
-        return []
-    if first.component.strip() and first.component.strip().upper() == second.component.strip().upper():
-        raise RecordError(f"{source}: both components are called {first.component}")
-    return [f"directions unknown from the names: {names} are taken as two horizontals at right angles"]
-
-
-def _check_instrument(first: Record, second: Record, source: str) -> list[str]:
-    if not isclose(first.dt, second.dt, rel_tol=1e-6):
-        raise RecordError(f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s")
-    stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
-    if all(stations) and stations[0] != stations[1]:
-        raise RecordError(f"{source}: the components are of different stations, {stations[0]} and {stations[1]}")
-    if first.start and second.start:
-        late = (datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)).total_seconds()
-        if abs(late) > 0.5 * first.dt:
-            raise RecordError(f"{source}: the components begin {abs(late):g} s apart; cut both to the same start first")
-    if first.acceleration.size == second.acceleration.size and (first.acceleration == second.acceleration).all():
-        raise RecordError(f"{source}: both components are the same")
-    return []
 
 
 def _of_equal_length(first: Record, second: Record, source: str) -> tuple[Record, Record, list[str]]:

@@ -106,6 +106,13 @@ def _measure(record: Record) -> Measures:
     energy = cumulative_energy(record)
     ends = [time_of_energy(record, energy, part) for part in (0.05, 0.75, 0.95)]
     leading, trailing = zeros_at_ends(record.acceleration)
+    # Of a file that has its velocity and displacement, their peaks are the better ones.
+    both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
+    of_file = [
+        f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
+        for name, column, integrated, unit in both
+        if column is not None
+    ]
     return Measures(
         pga=record.pga,
         pgv=motion.pgv if record.peaks[0] is None else record.peaks[0],
@@ -118,7 +125,7 @@ def _measure(record: Record) -> Measures:
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
-        notes=(*_origin(record, motion), *_doubts(record, motion, leading, trailing)),
+        notes=(*of_file, *_doubts(record, motion, leading, trailing)),
     )
 
 
@@ -127,9 +134,21 @@ def integrate(record: Record) -> Motion:
     a, h = record.acceleration, record.dt
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
     displacement = np.concatenate([[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))])
-    pgv = max(_largest(velocity), _velocity_between(a, velocity, h))
-    pgd = max(_largest(displacement), _displacement_between(a, velocity, displacement, h))
-    return Motion(velocity, displacement, pgv, pgd)
+
+    # The velocity may be largest between samples, where the acceleration passes zero.
+    i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
+    time = h * a[i] / (a[i] - a[i + 1])
+    pgv = max(_largest(velocity), _largest(velocity[i] + 0.5 * a[i] * time))
+
+    # The displacement may be where the velocity, a parabola between samples, passes zero.
+    start, slope = a[:-1], np.diff(a) / h
+    with np.errstate(divide="ignore", invalid="ignore"):  # No root, or one at infinity: not within the interval.
+        q = -0.5 * (start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start))
+        roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
+    row, i = np.nonzero((roots > 0.0) & (roots < h))
+    t = roots[row, i]
+    between = displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0))
+    return Motion(velocity, displacement, pgv, max(_largest(displacement), _largest(between)))
 
 
 def channels_of(records: Sequence[Record]) -> list[Record]:
@@ -140,8 +159,10 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
     channel HN1.
     """
     codes = [record.id.split(".") for record in records]
-    known = all(_CODES.fullmatch(record.id) for record in records)
-    if not known or len({(network, station, channel) for network, station, _, channel in codes}) < len(codes):
+    are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
+    if not are_accelerometers or len({(network, station, channel) for network, station, _, channel in codes}) < len(
+        codes
+    ):
         codes = [["", f"R{number:02d}", "", "HN1"] for number in range(1, len(records) + 1)]
     channels = []
     for record, (network, station, _, channel) in zip(records, codes, strict=True):
@@ -230,34 +251,6 @@ def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _velocity_between(a: Array, velocity: Array, h: float) -> float:
-    """Largest velocity where the acceleration passes zero between samples."""
-    i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
-    time = h * a[i] / (a[i] - a[i + 1])
-    return _largest(velocity[i] + 0.5 * a[i] * time)
-
-
-def _displacement_between(a: Array, velocity: Array, displacement: Array, h: float) -> float:
-    """Largest displacement where the velocity, a parabola between samples, passes zero."""
-    start, slope = a[:-1], np.diff(a) / h
-    with np.errstate(divide="ignore", invalid="ignore"):  # No root, or one at infinity: not within the interval.
-        q = -0.5 * (start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start))
-        roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
-    row, i = np.nonzero((roots > 0.0) & (roots < h))
-    t = roots[row, i]
-    return _largest(displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0)))
-
-
-def _origin(record: Record, motion: Motion) -> tuple[str, ...]:
-    """Sentences about peaks that the file itself has."""
-    both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
-    return tuple(
-        f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
-        for name, column, integrated, unit in both
-        if column is not None
-    )
-
-
 def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tuple[str, ...]:
     """Sentences about zeros, a start within the motion and a drift of the baseline."""
     samples, size = record.acceleration, record.acceleration.size
@@ -270,6 +263,7 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     if abs(first) > _JUMP * record.pga:
         share = abs(first) / record.pga
         notes.append(f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?")
+    # A baseline that drifts shows in the velocity first; only without that the displacement is looked at.
     end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv

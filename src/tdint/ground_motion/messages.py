@@ -73,13 +73,10 @@ def caught_messages() -> Iterator[list[str]]:
     with warnings.catch_warnings(record=True) as caught, _lost_in_callbacks() as lost, _printed_by_c() as printed:
         warnings.simplefilter("always")
         yield messages
-    texts = [one_line(str(w.message)) for w in caught if not _is_about_code(w.category)]
-    messages.extend(dict.fromkeys(texts + lost + printed))
-
-
-def _is_about_code(category: type[Warning]) -> bool:
     # ObsPy's own deprecation warning is a UserWarning; importing its class here would load obspy.
-    return issubclass(category, _ABOUT_CODE) or category.__name__ == "ObsPyDeprecationWarning"
+    told = [w for w in caught if w.category.__name__ != "ObsPyDeprecationWarning"]
+    texts = [one_line(str(w.message)) for w in told if not issubclass(w.category, _ABOUT_CODE)]
+    messages.extend(dict.fromkeys(texts + lost + printed))
 
 
 @contextmanager

@@ -287,7 +287,14 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
         encodings = {record.encoding for record in members}
         if len(encodings) > 1:
             raise Damaged(f"the records of {name} have different encodings, {sorted(encodings)}")
-    _check_names(channels)
+    # No channel goes on, to the sample, where another one ends whose name differs in a few letters: one is misspelt.
+    for name, members in channels.items():
+        for other, others in channels.items():
+            before, after = members[-1], others[0]
+            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(1, _MISSPELT + 1):
+                continue
+            if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
+                raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")
     return records
 
 
@@ -385,8 +392,9 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = fields[:12]
     fraction, samples, factor, multiplier, _, _, _, blockettes, _, begin, first = fields[12:]
     where = f"record {number}"
+    is_sequence = not sequence.strip(b"0123456789 \0")
     is_clock = year in _YEARS and 1 <= day <= 366 and hour < 24 and minute < 60 and second < 61
-    if not (quality in (b"D", b"R", b"Q", b"M") and _is_sequence(sequence) and is_clock and fraction < 10_000):
+    if not (quality in (b"D", b"R", b"Q", b"M") and is_sequence and is_clock and fraction < 10_000):
         raise Damaged(f"at byte {offset}, where {where} should begin, there is no header of one")
     chain = _blockettes(data, offset, first, order, where)
     if len(chain) != blockettes:
@@ -401,7 +409,12 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         raise Damaged(f"{where}: its header gives a length of 2^{exponent} bytes")
     if samples and encoding != _TEXT and (order == ">") != (big == 1):
         raise Damaged(f"{where}: its header and its blockette 1000 have different byte orders")
-    rate = _rate(factor, multiplier)
+
+    # Samples per second: either of the two numbers divides where it is negative (SEED manual, fields 10 and 11).
+    rate = 0.0
+    if factor and multiplier:
+        rate = float(factor) if factor > 0 else -1.0 / factor
+        rate = rate * multiplier if multiplier > 0 else -rate / multiplier
     if _ACTUAL_RATE in chain:
         (actual,) = struct.unpack_from(order + "f", data, chain[_ACTUAL_RATE] + 4)
         if not abs(actual - rate) <= _RATE_SLACK * rate:
@@ -431,10 +444,6 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
     return None
 
 
-def _is_sequence(text: bytes) -> bool:
-    return not text.strip(b"0123456789 \0")
-
-
 def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
     """Places in the file of a record's blockettes, by their type."""
     chain: dict[int, int] = {}
@@ -446,14 +455,6 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
         chain[kind] = offset + place
         before, place = place, following
     return chain
-
-
-def _rate(factor: int, multiplier: int) -> float:
-    """Samples per second from the header's two numbers; 0 where one of them is (SEED manual, fields 10 and 11)."""
-    if not factor or not multiplier:
-        return 0.0
-    rate = float(factor) if factor > 0 else -1.0 / factor
-    return rate * multiplier if multiplier > 0 else -rate / multiplier
 
 
 def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool) -> None:
@@ -479,14 +480,3 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
         return
     if record.samples > most:
         raise Damaged(f"{where}: its header states {record.samples} samples, it has room for {most}")
-
-
-def _check_names(channels: dict[str, list[DataRecord]]) -> None:
-    """No channel may go on, to the sample, where another one ends whose name differs in a few letters."""
-    for name, members in channels.items():
-        for other, others in channels.items():
-            before, after = members[-1], others[0]
-            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(1, _MISSPELT + 1):
-                continue
-            if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
-                raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")

@@ -125,6 +125,7 @@ def _problems(steps: Processing) -> Iterator[str]:
         if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2):
             yield f"{name} must be a pair of numbers, got {pair!r}"
             return
+    # What is no pair ended above: its values can be looked at now.
     if steps.trim is not None:
         start = 0.0 if steps.trim[0] is None else steps.trim[0]
         end = math.inf if steps.trim[1] is None else steps.trim[1]

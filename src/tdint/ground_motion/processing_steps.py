@@ -141,6 +141,7 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     band : float
         Frequency, Hz, up to which amplitudes are kept to 2e-5.
     """
+    # A longer interval stretches the sinc, so that what the new samples cannot hold is gone.
     stretch = max(1.0, new / dt)
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0
     half = math.ceil(stretch * (_ATTENUATION - 7.95) / (2.0 * 2.285 * math.pi * _TRANSITION))
@@ -239,24 +240,21 @@ def _label(record: Record) -> str:
 
 def _done(record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0) -> Record:
     """The record with new samples, beginning some seconds later, and a note of what was done."""
+    start = record.start
+    if start and later:
+        try:
+            start = (datetime.fromisoformat(start) + timedelta(seconds=later)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        except (ValueError, OverflowError):  # Not a date that Python's calendar has.
+            start = ""
     return replace(
         record,
         acceleration=samples,
         dt=dt or record.dt,
-        start=_shifted(record.start, later),
+        start=start,
         notes=(*record.notes, note),
         processing=(*record.processing, note),
         peaks=(None, None),
     )
-
-
-def _shifted(start: str, seconds: float) -> str:
-    if not start or seconds == 0.0:
-        return start
-    try:
-        return (datetime.fromisoformat(start) + timedelta(seconds=seconds)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-    except (ValueError, OverflowError):  # Not a date that Python's calendar has.
-        return ""
 
 
 def trim(record: Record, start: float | None, end: float | None) -> Record:
@@ -267,6 +265,7 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
         raise RecordError(
             f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at {record.duration:.6g} s"
         )
+    # Ends between samples are taken inwards: nothing is made up.
     first = math.ceil(start / record.dt - _ROUNDING)
     last = math.floor(end / record.dt + _ROUNDING)
     if last <= first:

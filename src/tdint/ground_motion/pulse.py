@@ -119,21 +119,17 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
     duration = max(motion.duration + _REST, _SHORTEST)
     times = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
     samples = motion.acceleration(times) / ACCELERATION[unit]
+    if isinstance(motion, Sweep):
+        last = "" if motion.first == motion.last else f" to {motion.last:g}"
+        words = f"a sine of {motion.first:g}{last} Hz and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
+    else:
+        words = (
+            f"a velocity pulse of {motion.velocity:g} m/s and {motion.period:g} s\n"
+            "# (Mavroeidis and Papageorgiou 2003, equation 4)"
+        )
     lines = [
         f"# dt = {dt:g} s, units = {unit}",
-        f"# An artificial ground motion, no record: {_words(motion)}, and rest.",
+        f"# An artificial ground motion, no record: {words}, and rest.",
         *(f"{sample:.7g}" for sample in np.where(np.abs(samples) < 1e-12, 0.0, samples)),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _words(motion: Artificial) -> str:
-    if isinstance(motion, Sweep):
-        frequencies = (
-            f"{motion.first:g} Hz" if motion.first == motion.last else f"{motion.first:g} to {motion.last:g} Hz"
-        )
-        return f"a sine of {frequencies} and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
-    return (
-        f"a velocity pulse of {motion.velocity:g} m/s and {motion.period:g} s\n"
-        "# (Mavroeidis and Papageorgiou 2003, equation 4)"
-    )

@@ -173,7 +173,11 @@ def component_names(records: Sequence[Record]) -> list[str]:
     that tdint exported their names, F04."""
     components = {(record.source, record.id, record.component) for record in records}
     count = Counter((source, component) for source, _, component in components)
-    return [record.component if count[record.source, record.component] == 1 else _full(record.id) for record in records]
+    names = []
+    for record in records:
+        full = station_of(record.id) if record.id.split(".")[2:3] == [IN_SI] else record.id
+        names.append(record.component if count[record.source, record.component] == 1 else full)
+    return names
 
 
 IN_SI = "SI"
@@ -187,12 +191,6 @@ def station_of(id: str) -> str:
     """The station of a channel's id NET.STA.LOC.CHA; nothing of another id."""
     parts = id.split(".")
     return parts[1] if len(parts) == 4 else ""
-
-
-def _full(id: str) -> str:
-    """What tells a channel from those of the same component: a floor is its station, F04."""
-    exported = id.split(".")[2:3] == [IN_SI]
-    return station_of(id) if exported else id
 
 
 # ---- Records one after the other as one record: shocks of a sequence, with the ground at rest in between
@@ -209,21 +207,21 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
         An interval is no whole multiple of the shortest.
     """
     shortest = min(record.dt for record in records)
-    return [_refined(record, shortest) for record in records]
-
-
-def _refined(record: Record, dt: float) -> Record:
-    whole = round(record.dt / dt)
-    if abs(record.dt / dt - whole) > _SAME * whole:
-        raise UsageError(
-            f"{record.name}: its sampling interval, {record.dt:.6g} s, is no whole multiple of the shortest of the "
-            f"sequence, {dt:.6g} s: change one with --resample"
-        )
-    if whole == 1:
-        return replace(record, dt=dt)
-    size = (record.acceleration.size - 1) * whole + 1
-    samples = np.interp(np.arange(size) / whole, np.arange(record.acceleration.size), record.acceleration)
-    return replace(record, acceleration=samples, dt=dt)
+    refined = []
+    for record in records:
+        # Only whole multiples keep each sample, and with straight lines in between the motion itself.
+        whole = round(record.dt / shortest)
+        if abs(record.dt / shortest - whole) > _SAME * whole:
+            raise UsageError(
+                f"{record.name}: its sampling interval, {record.dt:.6g} s, is no whole multiple of the shortest of the "
+                f"sequence, {shortest:.6g} s: change one with --resample"
+            )
+        samples = record.acceleration
+        if whole > 1:
+            size = (samples.size - 1) * whole + 1
+            samples = np.interp(np.arange(size) / whole, np.arange(samples.size), samples)
+        refined.append(replace(record, acceleration=samples, dt=shortest))
+    return refined
 
 
 def samples_of(rest: float, dt: float) -> int:

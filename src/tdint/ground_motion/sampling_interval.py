@@ -51,7 +51,11 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> SamplingInter
         raise RecordError(f"the times do not grow after sample {place} (counted from 0) at {times[place]:g} s")
     duration = float(times[-1] - times[0])
     rounding = _rounding(times)
-    dt = _round_rate(duration / (times.size - 1), rounding / (times.size - 1))
+    dt = duration / (times.size - 1)
+    # A whole number of samples per second, if there is one within the rounding of the times.
+    rate = round(1.0 / dt) if dt > _SHORTEST else 0
+    is_whole = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
+    dt = 1.0 / rate if is_whole else float(f"{dt:.12g}")
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
     off_interval = np.abs(intervals - dt)
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
@@ -79,11 +83,3 @@ def _rounding(times: NDArray[np.float64]) -> float:
         if np.max(np.abs(times - np.round(times, decimals))) <= 1e-14 * scale:
             return float(10.0**-decimals)
     return float(10.0**-_MOST_DECIMALS)
-
-
-def _round_rate(dt: float, doubt: float) -> float:
-    """The interval that belongs to a whole number of samples per second, if there is one within the doubt."""
-    rate = round(1.0 / dt) if dt > _SHORTEST else 0
-    if rate and abs(1.0 / rate - dt) <= doubt:
-        return 1.0 / rate
-    return float(f"{dt:.12g}")

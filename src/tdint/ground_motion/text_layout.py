@@ -40,8 +40,10 @@ class TextLayout:
     skip_lines: int | None = None
 
     def __post_init__(self) -> None:
-        if self.step is not None and not (_is_number(self.step) and isfinite(self.step) and self.step > 0.0):
-            raise UsageError(f"`step`: must be a positive number, got {self.step!r}")
+        step: Any = self.step
+        is_number = isinstance(step, Real) and not isinstance(step, bool)
+        if step is not None and not (is_number and isfinite(step) and step > 0.0):
+            raise UsageError(f"`step`: must be a positive number, got {step!r}")
         given: Any = self.column
         columns = (given,) if isinstance(given, str | int) else given
         if not isinstance(columns, tuple | list) or not all(str(name).strip() for name in columns):
@@ -76,10 +78,6 @@ class TextLayout:
             raise RecordError(
                 f"the file's own sampling interval is {dt:.9g} s, `step={self.step:.9g}` contradicts it; leave it out"
             )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 AS_STATED = TextLayout()

@@ -64,13 +64,13 @@ def _take_shortcuts() -> None:
     resolve = BaseFunction.get_call_type
 
     def resolve_once(self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        if named or not all(isinstance(one, types.Number | types.Boolean) for one in arguments):
+        if named or not all(isinstance(argument, types.Number | types.Boolean) for argument in arguments):
             return resolve(self, context, arguments, named)
-        known = self.__dict__.setdefault("_known", {})
+        resolved = self.__dict__.setdefault("_resolved", {})
         key = arguments, tuple(map(type, arguments))
-        if key not in known:
-            known[key] = resolve(self, context, arguments, named)
-        return known[key]
+        if key not in resolved:
+            resolved[key] = resolve(self, context, arguments, named)
+        return resolved[key]
 
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
     # The variables of an instruction: mostly told by a type, of which the usual ones are asked for first.
@@ -83,9 +83,9 @@ def _take_shortcuts() -> None:
         if kind is ir.Loc or kind is str:
             return []
         if kind is dict:
-            return [one for part in value.values() for one in variables(self, part)]
-        found: list[Any] = others(self, value)
-        return found
+            return [variable for part in value.values() for variable in variables(self, part)]
+        of_others: list[Any] = others(self, value)
+        return of_others
 
     ir.Inst._rec_list_vars = variables
     # Labels and names of variables are numbered in each function from one on, not through all: what was compiled before
@@ -134,9 +134,9 @@ def _add_laws(variant: str) -> None:
     for name, code in parse(variant).outside.items():
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
         values = list(vars(_module(*files[name])).values())
-        values += [one for value in values if isinstance(value, tuple | list) for one in value]
+        values += [member for value in values if isinstance(value, tuple | list) for member in value]
         OUTSIDE[name] = files[name][0]
-        LAWS[code] = next(one for one in values if isinstance(one, DriftLaw) and one.name == name)
+        LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
 
 
 def _listen(asked: SimpleQueue[bytes]) -> None:

@@ -16,7 +16,7 @@ from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
-from tdint.methods.method import Integrator, Method, Parameter
+from tdint.methods.method import Integrator, Method
 from tdint.model.definition import LAWS, register_law
 from tdint.model.plugins import Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
 from tdint.tabular import Several
@@ -38,8 +38,8 @@ def catalogue() -> dict[str, Method]:
     """All methods by name, in the order in which they are listed: ours, then those of plug-ins, those of installed
     packages (entry points `tdint.methods`) among them."""
 
-    def take(found: Any, origin: Origin) -> None:
-        for method in declared(found, "METHODS", Method, origin.where):
+    def take(module: Any, origin: Origin) -> None:
+        for method in declared(module, "METHODS", Method, origin.where):
             register_method(method, origin)
 
     installed("tdint.methods", take)
@@ -71,31 +71,28 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
     where = origin.where
     check_name(method.name, _known(), "method", where)
-    families = {id(one.family): one.family for one in _known().values()}
+    families = {id(other.family): other.family for other in _known().values()}
     if id(method.family) not in families:
-        check_name(method.family.name, [one.name for one in families.values()], "family", where)
+        check_name(method.family.name, [family.name for family in families.values()], "family", where)
     if method.family.step.signature != STEP:
         raise UsageError(f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.kernels.STEP")
+    # What it declares is asked for with its defaults, as it will be; a method that fails there is not kept.
+    kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
         with faults_of(where):
-            _check_declaration(parse(method.name), where)
+            integrator = parse(method.name)
+            for name, kind in kinds.items():
+                declaration = getattr(integrator, name)
+                if not isinstance(declaration, kind) and not (kind is float and isinstance(declaration, int)):
+                    raise UsageError(f"{where}: {integrator.label}: {name} gives {declaration!r}, no {kind.__name__}")
+            if integrator.family.prepare is None:
+                np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
+            integrator.family.work_rows(0)
     except UsageError:
         del _known()[method.name]
         raise
     origin.keep_code("method", method)
-
-
-def _check_declaration(integrator: Integrator, where: str) -> None:
-    """Raise UsageError where what a method declares is not what it should be, with its defaults."""
-    kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
-    for name, kind in kinds.items():
-        found = getattr(integrator, name)
-        if not isinstance(found, kind) and not (kind is float and isinstance(found, int)):
-            raise UsageError(f"{where}: {integrator.label}: {name} gives {found!r}, no {kind.__name__}")
-    if integrator.family.prepare is None:
-        np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
-    integrator.family.work_rows(0)
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
@@ -120,14 +117,14 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS")):
         raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS or PEERS; this one has none")
     with faults_of(file):
-        found = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
-    for law in found[0]:
+        laws, methods = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
+    for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))
-    for method in found[1]:
+    for method in methods:
         if _known().get(method.name) is not method:
             register_method(method, Origin(file, module.__name__))
-    return found[1], found[0]
+    return methods, laws
 
 
 def parse(text: str) -> Integrator:
@@ -145,7 +142,23 @@ def parse(text: str) -> Integrator:
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")
-    given = _given(text, method, rest) if rest or ":" in text else {}
+    # The parameters that the specification names: numbers, or fractions such as 1/144.
+    allowed = {parameter.name: parameter for parameter in method.parameters}
+    given: dict[str, float] = {}
+    for item in rest.split(",") if rest or ":" in text else ():
+        key, equals, number = (part.strip() for part in item.partition("="))
+        if key not in allowed:
+            has = ", ".join(f"{parameter.name} in {parameter.range}" for parameter in method.parameters) or "none"
+            raise UsageError(f"method {text!r}: {method.name} has no parameter {key!r}; it has {has}")
+        if key in given:
+            raise UsageError(f"method {text!r}: {key} is given twice")
+        above, slash, below = number.partition("/")
+        try:
+            given[key] = float(above) / float(below) if slash else float(number)
+        except (ValueError, ZeroDivisionError):
+            got = f"got {number!r}" if equals else "got nothing"
+            raise UsageError(f"method {text!r}: {key} must be a number in {allowed[key].range}, {got}") from None
+    # All of them, in their order: a default may follow from those before it.
     values: list[float] = []
     for parameter in method.parameters:
         default = parameter.default
@@ -193,36 +206,6 @@ class _Unknown:
 
 
 copyreg.pickle(Integrator, _reduce)
-
-
-def _given(text: str, method: Method, rest: str) -> dict[str, float]:
-    """The parameters that the specification names."""
-    allowed = {parameter.name: parameter for parameter in method.parameters}
-    given: dict[str, float] = {}
-    for item in rest.split(","):
-        key, equals, number = (part.strip() for part in item.partition("="))
-        if key not in allowed:
-            raise UsageError(f"method {text!r}: {method.name} has no parameter {key!r}; {_parameters(method)}")
-        if key in given:
-            raise UsageError(f"method {text!r}: {key} is given twice")
-        given[key] = _number(text, allowed[key], equals, number)
-    return given
-
-
-def _number(text: str, parameter: Parameter, equals: str, number: str) -> float:
-    """A number, or a fraction such as 1/144."""
-    above, slash, below = number.partition("/")
-    try:
-        return float(above) / float(below) if slash else float(number)
-    except (ValueError, ZeroDivisionError):
-        got = f"got {number!r}" if equals else "got nothing"
-        raise UsageError(f"method {text!r}: {parameter.name} must be a number in {parameter.range}, {got}") from None
-
-
-def _parameters(method: Method) -> str:
-    if not method.parameters:
-        return "it has none"
-    return "it has " + ", ".join(f"{parameter.name} in {parameter.range}" for parameter in method.parameters)
 
 
 def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:

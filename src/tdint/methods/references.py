@@ -47,14 +47,14 @@ class Publication:
 @cache
 def references() -> dict[str, tuple[Publication, ...]]:
     """The publications of each method of ours, which an entry of the file names among its keywords."""
-    found: dict[str, tuple[Publication, ...]] = {}
+    publications: dict[str, tuple[Publication, ...]] = {}
     _, *entries = (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8").split("\n\n")
     for entry in entries:
         fields = dict(_FIELD.findall(entry))
         methods = fields.pop("keywords").split(", ")
         publication = Publication(_KEYWORDS.sub("", entry).rstrip() + "\n", **fields)
-        found |= {method: (*found.get(method, ()), publication) for method in methods}
-    return found
+        publications |= {method: (*publications.get(method, ()), publication) for method in methods}
+    return publications
 
 
 def references_of(method: Method) -> tuple[Publication, ...]:

@@ -201,19 +201,23 @@ def assemble(model: Model) -> Building:
     """
     stories = model.stories
     n = len(stories)
+    # The last column, of a story above the roof that is not there, stays zero.
     linear_terms = np.zeros((at.LINEAR_TERM_ROWS, n + 1))
     linear_terms[at.MASS, :n] = [story.mass for story in stories]
     linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
     linear_terms[at.STORY_DAMPER, :n] = linear_terms[at.DASHPOT, :n] = [story.dashpot for story in stories]
     for i, story in enumerate(stories):
+        # Exponents of the squared drift rate, which has no sign.
         if (dashpot := story.power_dashpot) is not None:
             linear_terms[at.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[at.THRESHOLD, i] = dashpot.linear_below**2
+    # The first story stands on the ground: nothing of it acts on a floor below.
     linear_terms[at.LINK, 1:n] = 1.0
     heights = np.array([math.nan if story.drift_height is None else story.drift_height for story in stories])
     if model.p_delta:
         linear_terms[at.GEOMETRIC, :n] = -weight_over_height(model)
+    # As many rows as the law with the most parameters needs.
     rows = max(len(story.law.parameters) for story in stories)
     law_parameters = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
     yield_drift = np.empty(n)
@@ -224,6 +228,7 @@ def assemble(model: Model) -> Building:
         law_parameters[at.STIFFNESS, i] = story.stiffness
         law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
+    # Vibration is that about the displaced building: P-delta takes its part of the stiffness.
     vibration = FreeVibration(
         linear_terms[at.MASS, :n],
         law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
@@ -392,6 +397,7 @@ def falling_stories(model: Model) -> tuple[str, ...]:
     stiffness after yield of their law."""
     if not model.p_delta:
         return ()
+    # Stiffnesses of stories have few digits in MN/m.
     unit, size = model.output_units.unit("N/m")
     unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
     places = []
@@ -500,6 +506,7 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
     if isinstance(damping, ModalDamping):
         _check_memory(n)
         return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
+    # Ratios become coefficients by the frequencies of this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):

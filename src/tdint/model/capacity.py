@@ -155,22 +155,22 @@ class CapacityBuilding:
     @property
     def stories(self) -> tuple[Story, ...]:
         """The stories of a model."""
-        rows = zip(self.mass.tolist(), self.height.tolist(), self.drifts.tolist(), self.forces.tolist(), strict=True)
-        return tuple(
-            Story(mass, height, forces[0] / drifts[0], self._law(drifts, forces), 0.0)
-            for mass, height, drifts, forces in rows
-        )
-
-    def _law(self, drifts: Sequence[float], forces: Sequence[float]) -> Law:
-        """Its stiffness, strength and ends; beyond the last point it carries nothing."""
-        side = [number for point in zip(drifts, forces, strict=True) for number in point]
         losses = _DEGRADING if self.degradation else _INTACT
-        return Law("multilinear-pinching", (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses))
+        stories = []
+        rows = zip(self.mass.tolist(), self.height.tolist(), self.drifts.tolist(), self.forces.tolist(), strict=True)
+        for mass, height, drifts, forces in rows:
+            # Both directions are alike; beyond the last point a story carries nothing.
+            side = [number for point in zip(drifts, forces, strict=True) for number in point]
+            parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
+            stories.append(Story(mass, height, forces[0] / drifts[0], Law("multilinear-pinching", parameters), 0.0))
+        return tuple(stories)
 
 
 def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     """The shear building of a capacity curve."""
-    n, curve = facts.stories, facts.curve
+    n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
+
+    # Masses, and stiffnesses that fall with the height, for the shape of the first mode.
     shares = np.ones(n)
     shares[-1] = 1.0 if n == 1 else _ROOF
     shares /= shares.sum()
@@ -180,13 +180,17 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     links = np.minimum(np.arange(n), 1.0)
     shape = solve_modes(shares, relative, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
+
+    # That mode takes the curve from one oscillator to the stories: drifts by the shape, forces by the shears above.
     weighted = shares * mode
     participation = float(weighted.sum() / (weighted * mode).sum())
     effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
     above = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
+    # Four points, which is what the law of the stories has.
     points = np.array(four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
     forces = effective * GRAVITY * np.outer(above, points[:, 1])
+    # The published program brings forces to the period of the curve by one more factor.
     if facts.as_published and n > 1:
         lowest = solve_modes(shares, above, links).omega[0] ** 2
         frequency = 2.0 * math.pi / curve.period
@@ -194,6 +198,9 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
         forces *= frequency**2 / lowest / first
     stiffness = forces[:, 0] / drifts[:, 0]
     omega = solve_modes(shares, stiffness, links).omega
+    damping: RayleighRatio | RayleighCoefficients = RayleighRatio((ratio, ratio), (1, 2))
+    if n == 1:
+        damping = RayleighCoefficients(mass=2.0 * ratio * float(omega[0]), stiffness=0.0)
     height = n * STORY_HEIGHT if facts.height is None else facts.height
     return CapacityBuilding(
         name=facts.name,
@@ -205,16 +212,10 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
         height=np.full(n, height / n),
         drifts=drifts,
         forces=facts.mass * forces,
-        damping_ratio=facts.damping_ratio,
-        damping=_damping(omega, facts.damping_ratio),
+        damping_ratio=ratio,
+        damping=damping,
         degradation=facts.degradation,
     )
-
-
-def _damping(omega: Array, ratio: float) -> RayleighRatio | RayleighCoefficients:
-    if omega.size == 1:
-        return RayleighCoefficients(mass=2.0 * ratio * float(omega[0]), stiffness=0.0)
-    return RayleighRatio((ratio, ratio), (1, 2))
 
 
 @dataclass(frozen=True)
@@ -254,6 +255,7 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     points_of: dict[str, list[tuple[float, float]]] = {}
     for name, *point in zip(names, *(table.numbers(column) for column in _POINT), strict=True):
         points_of.setdefault(name, []).append((point[0], point[1]))
+    # A flag on one row of a class is one of the class.
     flags = {
         flag: {name for name, true in zip(names, table.truths(flag), strict=True) if true}
         for flag in ("soft_story", "degradation")

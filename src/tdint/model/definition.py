@@ -411,10 +411,19 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
-        return self.changed({name: _number(name, given) for name, given in changes.items()})
+        # Texts such as 2% are ratios, as in a file.
+        numbers = {}
+        for name, given in changes.items():
+            check_parameter(name)
+            try:
+                numbers[name] = parse_ratio(given) if isinstance(given, str) else float(given)
+            except (TypeError, ValueError):
+                raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
+        return self.changed(numbers)
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
         """The same of numbers by name."""
+        # Changes act one after the other on the numbers of the stories, factors on what was set before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping, touched = self.damping, dict[int, bool]()
         for name, value in numbers.items():
@@ -426,9 +435,21 @@ class Model:
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
                 touched[change.story] = touched.get(change.story, False) or change.of_law
+        # Only what was touched is made anew, and judged by its law as in a file.
         stories = list(self.stories)
         for i, law_set in touched.items():
-            stories[i] = _with_numbers(self.stories[i], table[i], law_set)
+            story, row = stories[i], table[i]
+            law, stiffness_of = Law(story.law.name, tuple(row[OF_LAW:])), LAWS[story.law.name].initial_stiffness
+            stories[i] = replace(
+                story,
+                mass=row[MASS],
+                height=None if story.height is None else row[HEIGHT],
+                # Of a law that has its own stiffness it follows where the law was set.
+                stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else row[STIFFNESS],
+                law=law,
+                dashpot=row[DASHPOT],
+                power_dashpot=PowerDashpot(*row[POWER]) if story.power_dashpot else None,
+            )
             if fault := LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters):
                 raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
         varied = tuple({**dict(self.varied), **numbers}.items())
@@ -515,42 +536,25 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
 
 
-def _with_numbers(story: Story, numbers: Sequence[float], law_set: bool) -> Story:
-    """The story with other numbers; the stiffness of a law that has its own follows where the law was set."""
-    law, stiffness_of = Law(story.law.name, tuple(numbers[OF_LAW:])), LAWS[story.law.name].initial_stiffness
-    return replace(
-        story,
-        mass=numbers[MASS],
-        height=None if story.height is None else numbers[HEIGHT],
-        stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else numbers[STIFFNESS],
-        law=law,
-        dashpot=numbers[DASHPOT],
-        power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
-    )
-
-
-def _law_numbers(law: Law) -> list[tuple[str, int, int, LawParameter]]:
-    """Of each number of a law its key, the exponents of force and length in its dimension, and its bounds."""
-    numbers: list[tuple[str, int, int, LawParameter]] = []
-    for parameter in LAWS[law.name].parameters:
-        path = f"law.{parameter.path}"
-        if parameter.points:
-            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
-        elif parameter.many:
-            count = len(law.parameters) - len(numbers)
-            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
-        else:
-            numbers.append((path, parameter.force, parameter.length, parameter))
-    return numbers
-
-
 def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
     """What each name changes in a story: columns of its numbers, whether as a factor, and bounds.
 
     With a law that has its own stiffness all of its forces grow with the stiffness.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    law = list(enumerate(_law_numbers(story.law), start=OF_LAW))
+    # Of each number of the law its key, the exponents of force and length in its dimension, and its bounds.
+    numbers: list[tuple[str, int, int, LawParameter]] = []
+    for parameter in LAWS[story.law.name].parameters:
+        path = f"law.{parameter.path}"
+        if parameter.points:
+            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
+        elif parameter.many:
+            count = len(story.law.parameters) - len(numbers)
+            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
+        else:
+            numbers.append((path, parameter.force, parameter.length, parameter))
+    law = list(enumerate(numbers, start=OF_LAW))
+    # What has the dimension of a stiffness or a strength goes with the factor on it.
     stiff = [at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)]
     strong = [at for at, (_, force, length, _) in law if (force, length) == (1, 0)]
     columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
@@ -578,11 +582,13 @@ def changes_of(model: Model, name: str) -> list[Change]:
     check_parameter(name)
     if name == "damping":
         return []
+    # Keys in the words of model files, or of messages: stories[3] and story 3 are the same.
     said = _NAME.fullmatch(name)
     number, key = (said[1] or said[2], said[3]) if said else (None, name)
     if number and not 1 <= int(number) <= len(model.stories):
         raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
     places = [int(number) - 1] if number else range(len(model.stories))
+    # In each story a key may mean another number: laws differ.
     columns = {i: _columns(model.stories[i]) for i in places}
     changes = [Change(i, *column) for i in places for column in columns[i].get(key, ())]
     if not changes and key == "strength_factor":
@@ -623,15 +629,6 @@ def check_parameter(name: str) -> None:
     hint = f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
     names = ", ".join(PARAMETERS)
     raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`")
-
-
-def _number(name: str, given: float | str) -> float:
-    """The number of a parameter, or that of a text such as `2%`."""
-    check_parameter(name)
-    try:
-        return parse_ratio(given) if isinstance(given, str) else float(given)
-    except (TypeError, ValueError):
-        raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
 
 
 def check_value(name: str, value: float) -> None:

@@ -116,6 +116,7 @@ def read_inventory(
     needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
     table = read_table(source, needs, columns=columns)
     table.need(*needed)
+    # Columns by their place: other ones are carried along, but not read.
     places = {name: table.header.index(name.lower()) for name in columns if table.has(name)}
     carried = _Carried.of(table)
     faults: list[ModelFault] = []
@@ -123,12 +124,14 @@ def read_inventory(
     seen: dict[str, int] = {}
     for line, cells in table.rows:
         row = _Row(table, line, cells, places, faults)
+        # One cell too many shifts those behind it: nothing in the row can be trusted.
         if table.overfull(cells):
             width = len(table.header)
             row.fault(width, "", f"{how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
         facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
         building = row.building(facts, carried)
+        # By its id a building is found again in tables, and draws are made.
         if building and building.id in seen:
             row.fault(
                 places["id"],
@@ -192,6 +195,7 @@ class _Row:
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
             self.fault(self._places["class"], "class", f"unknown {name!r}; known: {names}" if name else "is missing")
+        # All cells are read before the first fault ends it, so that all are told.
         stories = self._whole("NumberOfStories", 1, MOST_STORIES)
         height = self._number("height", POSITIVE) * length if given("height") else None
         mass = self._number("mass_kg", POSITIVE) if given("mass_kg") else UNIT_MASS
@@ -307,13 +311,11 @@ def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
 ) -> DerivedBuilding | CapacityBuilding:
     """The building of one row; parameters are those of `derive_all`, which checks them."""
-    scatter = _scatter(row.id, stiffness, damping, seed) if stiffness or damping else None
+    scatter = None
+    if stiffness or damping:
+        random = np.random.default_rng([seed, *row.id.encode()])
+        scatter = Scatter(_factor(random, stiffness), _factor(random, damping))
     return RULES[rules](row.facts, scatter)
-
-
-def _scatter(name: str, stiffness: float, damping: float, seed: int) -> Scatter:
-    random = np.random.default_rng([seed, *name.encode()])
-    return Scatter(_factor(random, stiffness), _factor(random, damping))
 
 
 def _factor(random: np.random.Generator, deviation: float) -> float:
@@ -333,8 +335,13 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         f"name: {json.dumps(name, ensure_ascii=False)}",
         "stories:",
     ]
+    # All numbers to the last digit: the file gives the same building as the rules.
     for story in building.stories:
-        law = _trilinear(story) if isinstance(building, DerivedBuilding) else _multilinear(story, building.degradation)
+        if isinstance(building, DerivedBuilding):
+            values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
+            law = ", ".join([f"type: {story.law.name}", *(f"{key.name}: {value!r}" for key, value in values)])
+        else:
+            law = _multilinear(story, building.degradation)
         lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
         lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
     damping = building.damping
@@ -345,11 +352,6 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])
 
 
-def _trilinear(story: Story) -> str:
-    values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
-    return ", ".join([f"type: {story.law.name}", *(f"{parameter.name}: {value!r}" for parameter, value in values)])
-
-
 def _multilinear(story: Story, degradation: bool) -> str:
     numbers = story.law.parameters
     points = ", ".join(f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True))
@@ -358,6 +360,7 @@ def _multilinear(story: Story, degradation: bool) -> str:
         f"type: multilinear-pinching, backbone: [{points}], "
         f"pinching: {{drift: {drift!r}, force: {force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
     )
+    # Parameters that lose nothing are left out, as in files that people write.
     if not degradation:
         return text
     names = ("peak", "work", "peak_exponent", "work_exponent", "limit")

@@ -243,10 +243,12 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     scatter = scatter or Scatter()
     n = facts.stories
     row = hazus_types()[code_of(facts)]
+    # Stiffness by the period of the type: the factor is that of a chain of equal floors.
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
     factor = 0.4053 * n**2 + 0.405 * n + 0.1869
     stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
+    # Strength by the type's yield acceleration, less from story to story as the shear of a triangular load.
     below = np.arange(n)
     first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
     strength = row.yield_acceleration_g * first_mode * mass * _GRAVITY * n * (1.0 - below * (below + 1) / (n * (n + 1)))

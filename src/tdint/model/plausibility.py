@@ -105,10 +105,12 @@ def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str
     ):
         if not bound.holds(value):
             told.append(bound.told(bound.text(value)))
+    # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     stiffness = np.array([story.stiffness for story in model.stories])
     told += unusual_stories(HEIGHT, building.heights)
     told += unusual_stories(STRENGTH, building.yield_drift * stiffness / weight)
+    # Such a building may end anywhere: no error of the method.
     loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
     if loose:
         told.append(

@@ -82,6 +82,7 @@ def module_of(file: str) -> ModuleType:
     if path.suffix != ".py" or not path.is_file():
         raise UsageError(f"{file}: a plug-in is a Python file, NAME.py; there is none of this name")
     name = _module_name(path)
+    # Executed once in a process: another file, or another state of it, would be a second truth.
     loaded = sys.modules.get(name)
     if loaded is not None:
         if loaded.__file__ != str(path.resolve()):
@@ -92,6 +93,7 @@ def module_of(file: str) -> ModuleType:
     specification = importlib.util.spec_from_file_location(name, path.resolve())
     assert specification is not None and specification.loader is not None
     module = importlib.util.module_from_spec(specification)
+    # Known before it runs, as Python's own import has it; taken out again if it fails.
     sys.modules[name] = module
     vars(module)["__digest__"] = digest_of(path)
     try:

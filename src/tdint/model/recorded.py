@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -150,23 +149,20 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     given = replace(root, kind=RECORDING).read()
-    floors = _numbered(given["floors"], stories) if given else ()
-    root.faults.raise_if_any()
-    given |= {"name": given["name"] or origin.name, "base": _tuple(given["base"]), "floors": floors}
-    return Recording(source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0})
 
-
-def _numbered(named: Mapping[str, tuple[Value, Any]], stories: int) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
-    """The sensors by the numbers of their floors, from the ground up."""
-    by_floor: dict[int, tuple[Sensor, ...]] = {}
-    for name, (entry, sensors) in named.items():
+    # Floors by their numbers, from the ground up; the roof is the last one.
+    floors: dict[int, tuple[Sensor, ...]] = {}
+    for name, (entry, sensors) in given["floors"].items() if given else ():
         floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
-        elif floor in by_floor:
+        elif floor in floors:
             entry.fault(f"floor {floor} is given twice")
-        by_floor[floor] = _tuple(sensors)
-    return tuple(sorted(by_floor.items()))
+        floors[floor] = _tuple(sensors)
+    root.faults.raise_if_any()
+    by_number = tuple(sorted(floors.items()))
+    given |= {"name": given["name"] or origin.name, "base": _tuple(given["base"]), "floors": by_number}
+    return Recording(source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0})
 
 
 def _tuple(sensors: Any) -> tuple[Sensor, ...]:
@@ -176,6 +172,7 @@ def _tuple(sensors: Any) -> tuple[Sensor, ...]:
 
 
 def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:
+    # Two ways to name what is meant in a file, each for its kind of file.
     column, sign_entry = value.peek("column"), value.peek("sign")
     if column and given["column"] and given["component"]:
         column.fault("is for a table, component for a record; leave one of them out")

@@ -90,6 +90,7 @@ def story_model(
     if weights is not None:
         units = replace(units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}")
     loads = list(weights) if weights is not None else [units.load] * stories
+    # Laws that were fitted replace these; masses are the user's or equal.
     stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
     lines = []
     for i, load in enumerate(loads):
@@ -107,6 +108,7 @@ def story_model(
     made = f" with a fundamental period of {period:g} s"
     if laws is not None:
         told, made = ["# yields, as fitted to its curve."], " with the curves of its stories"
+    # Without a record it vibrates freely, from half a percent of drift in each story.
     pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
     return "\n".join(
         [
@@ -261,6 +263,7 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     table.need("story")
     stories = np.array(table.numbers("story"))
     values = np.array([np.array(table.numbers(drift)) * length, np.array(table.numbers(shear)) * force])
+    # Stories are numbered without a gap: one that is missing would shift all above it.
     count = int(stories.max()) if stories.size else 0
     curves = {story: values[:, stories == story] for story in range(1, count + 1)}
     if not curves or stories.size != sum(part.shape[1] for part in curves.values()):
@@ -300,6 +303,7 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
     """
     fit, model = _KINDS[kind]
     scale, top = float(drift[-1]), float(np.max(shear))
+    # Over the largest drift and shear one search fits all units; several starts, for there are several minima.
     d, f = drift / scale, shear / top
     best = min((fit(d, f, start) for start in _STARTS), key=lambda fitted: fitted[1])
     law = model(best[0], scale, top)
@@ -320,22 +324,19 @@ def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[A
     return np.asarray(slopes), np.asarray(f - base @ slopes)
 
 
-def _search(d: Array, f: Array, start: Array, *, flat: bool) -> tuple[Array, Array, float]:
+def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
+    """Corners, looked for from parts of `start` on, and the slopes between them."""
+    # A corner before the first points would be told by nothing.
     low = 0.5 * float(d[d > 0.0][0])
 
     def squares(corners: Array) -> float:
         inside = np.clip(corners, low, 1.0)
         return float(np.sum(_least_squares(d, f, inside, flat=flat)[1] ** 2))
 
-    best = np.clip(minimize(squares, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14}).x, low, 1.0)
-    corners = np.sort(best)
-    return corners, _least_squares(d, f, corners, flat=flat)[0], squares(corners)
-
-
-def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
-    """Corners, looked for from parts of `start` on, and the slopes between them."""
-    corners, slopes, squares = _search(d, f, start * np.array(parts), flat=flat)
-    return np.concatenate([corners, slopes]), squares
+    search = {"xatol": 1e-7, "fatol": 1e-14}
+    best = minimize(squares, start * np.array(parts), method="Nelder-Mead", options=search).x
+    corners = np.sort(np.clip(best, low, 1.0))
+    return np.concatenate([corners, _least_squares(d, f, corners, flat=flat)[0]]), squares(corners)
 
 
 def _multilinear(d: Array, f: Array, start: float) -> Corners:
@@ -344,10 +345,12 @@ def _multilinear(d: Array, f: Array, start: float) -> Corners:
 
     low = 0.5 * float(d[d > 0.0][0])
 
+    # Points stay apart and below the last one, or two of them would make a jump.
     def points(corners: Array) -> Array:
         inside = np.sort(np.clip(corners, low, 1.0))
         return np.append(np.minimum(inside + _GAP * np.arange(3), 1.0 - _GAP * np.arange(3, 0, -1)), 1.0)
 
+    # For given drifts the best shears follow in closed form: only drifts are searched.
     def shears(x: Array) -> tuple[Array, float]:
         hats = np.eye(5)[1:]
         weights, rest = nnls(np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f)

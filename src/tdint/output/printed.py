@@ -76,6 +76,7 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
     UsageError
         A part that is none of these, or a width out of range.
     """
+    # What is left between the parts are commas, or a quotation mark that nothing closes.
     if not text.strip() or re.sub(_PART, "", text).strip(","):
         raise UsageError(f"{of} {text!r}: write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,...")
     printed = before
@@ -83,6 +84,7 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
         key, equals, value = part.partition("=")
         key, value = (_QUOTED.sub(lambda match: match[1] or match[2] or "", words).strip() for words in (key, value))
         name = key.removeprefix("label:")
+        # A style sheet and a width say by themselves what they are.
         if not equals and key.lower().endswith(".mplstyle"):
             printed = replace(printed, style=key)
         elif not equals and _LENGTH.fullmatch(key):
@@ -145,6 +147,7 @@ SYMBOLS = {
 
 def in_print(text: str, printed: PrintedAs) -> str:
     """A text of a picture as it is printed: another label in its place, symbols as the field writes them."""
+    # Words of the paper stay as they were given; symbols are put into all others.
     for before, after in printed.labels:
         if text.strip() == before or text.strip().startswith(before + ":"):
             return text.replace(text.strip(), after)

@@ -119,6 +119,7 @@ class Told:
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
     """The page, UTF-8: title, head, a sentence about it, warnings, chapters; and the versions that made it."""
+    # Sixteen digits of a plug-in's digest tell its versions apart.
     of_all = versions()
     code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
     made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
@@ -129,6 +130,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     body.append(f"<p>{escape(about)}</p>")
     body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in _once(told.warnings)]
     for chapter in chapters:
+        # What there is nothing to say of has no heading.
         if any(_has(part) for part in chapter.parts):
             body += [f"<h2>{escape(chapter.title)}</h2>", *(_part(part) for part in chapter.parts if _has(part))]
     body.append(f"<h2>Versions</h2><p>{escape(made)}</p>")
@@ -150,9 +152,15 @@ def _part(part: Part) -> str:
         return f"<p{kept}>{_said(part)}</p>"
     if isinstance(part, Table):
         return _table(part)
-    if isinstance(part, Picture):
-        return f"<figure>{_image(part)}<figcaption>{escape(part.caption)}</figcaption></figure>"
-    return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
+    if not isinstance(part, Picture):
+        return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
+    # Lines of thousands of points make a drawing larger than its pixels.
+    kind, content = "svg+xml", _drawn(part, ".svg")
+    if len(content) > _LARGE:
+        kind, content = "png", _drawn(part, ".png")
+    data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
+    image = f'<img alt="{caption}" src="data:image/{kind};base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
 def _said(text: str) -> str:
@@ -169,14 +177,6 @@ def _once(texts: Iterable[str]) -> list[str]:
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
-def _image(picture: Picture) -> str:
-    kind, content = "svg+xml", _drawn(picture, ".svg")
-    if len(content) > _LARGE:
-        kind, content = "png", _drawn(picture, ".png")
-    data = base64.b64encode(content).decode("ascii")
-    return f'<img alt="{escape(picture.caption)}" src="data:image/{kind};base64,{data}">'
-
-
 def _drawn(picture: Picture, end: str) -> bytes:
     stream = io.BytesIO()
     figures.style.picture(end, picture.draw)(stream)
@@ -186,39 +186,29 @@ def _drawn(picture: Picture, end: str) -> bytes:
 def _table(table: Table) -> str:
     """A table with its units in the heading and drift ratios in percent, columns without any value left out; one that
     is wider than a page goes on below with its first column again."""
-    table = _in_percent(table)
-    kept = [i for i in range(len(table.columns)) if any(_shown(row[i]) for row in table.rows)]
-    parts = [kept[:MOST_COLUMNS]]
-    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
-        parts.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
-    return "\n".join(_part_of_table(table, part) for part in parts)
-
-
-def _in_percent(table: Table) -> Table:
-    """The same with its drift ratios in percent."""
     ratios = [name for name in table.columns if "drift_ratio" in name]
-    if not ratios:
-        return table
     factors = [0.01 if name in ratios else 1.0 for name in table.columns]
-    rows = [tuple(map(converted, row, factors)) for row in table.rows]
-    return Table(table.columns, rows, table.meanings | {name: {"meaning": "", "unit": "%"} for name in ratios})
-
-
-def _part_of_table(table: Table, kept: Sequence[int]) -> str:
-    words = {i for i in kept if table.meanings.get(table.columns[i], {}).get("unit", TEXT) == TEXT}
-    side = {i: ' class="d"' if table.columns[i] == _DIGEST else ' class="t"' if i in words else "" for i in kept}
-    head = "".join(f"<th{side[i]}>{escape(_heading(table, i))}</th>" for i in kept)
-    rows = ("".join(f"<td{side[i]}>{escape(_shown(row[i]))}</td>" for i in kept) for row in table.rows)
-    lines = "\n".join(f"<tr>{cells}</tr>" for cells in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>"
-
-
-def _heading(table: Table, i: int) -> str:
-    name = table.columns[i]
-    unit = table.meanings.get(name, {}).get("unit", TEXT)
-    error = " error" * name.endswith("_error")
-    bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-    return f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")
+    cells = [[_shown(cell) for cell in map(converted, row, factors)] for row in table.rows]
+    # A heading is the name of its column in words, the unit in brackets; words and digests stand on the left.
+    heads, sides = [], []
+    for name in table.columns:
+        unit = "%" if name in ratios else table.meanings.get(name, {}).get("unit", TEXT)
+        error = " error" * name.endswith("_error")
+        bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
+        heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
+        sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
+    kept = [i for i in range(len(heads)) if any(row[i] for row in cells)]
+    # The first column says which row it is, on each width.
+    widths = [kept[:MOST_COLUMNS]]
+    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
+        widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
+    tables = []
+    for columns in widths:
+        head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
+        rows = ("".join(f"<td{sides[i]}>{escape(row[i])}</td>" for i in columns) for row in cells)
+        lines = "\n".join(f"<tr>{row}</tr>" for row in rows)
+        tables.append(f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>")
+    return "\n".join(tables)
 
 
 def _shown(cell: Cell) -> str:
@@ -333,9 +323,11 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
     if check is None or check.drift_error is None:
         return ("The error of the time integration was not estimated; --check does.",)
     cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
+    # Ratios have the errors of their drifts, in percent the same ones.
     drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
     shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
     for name in shown:
+        # A residual drift may be next to nothing, and its error a large part of that.
         over = cells[drift if name.startswith("residual") else name]
         columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
     labels = [_quantity(whole, name) for name in shown]
@@ -371,7 +363,7 @@ def suite_page(
     ----------
     store : Store
         All runs of the plan, done.
-    found : sequence of Profile
+    profiles : sequence of Profile
         Of each building and level.
     ratios : Table, optional
         The buildings over a baseline.
@@ -387,16 +379,18 @@ def suite_page(
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
     spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
+    # Of many buildings the first ones: a page is read, not searched.
     models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
     methods = ", ".join(dict.fromkeys(item.method for item in models))
     step_given = plan.settings.dt
     step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
+    # What scaling and records leave doubtful stands at the top, as a warning.
     scaled, doubts = _scaling(plan, units)
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
         Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
-        *(Chapter(f"Over the motions: {_with_level(item)}", _of_level(item, units)) for item in profiles),
+        *(_over_motions(item, units) for item in profiles),
         Chapter("Damage", _damage(store)),
         Chapter("Spectra of floors", (spectra,) if floors else ()),
         *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
@@ -410,17 +404,16 @@ def suite_page(
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
 
-def _with_level(profile: Profile) -> str:
-    return ", ".join(filter(None, [profile.building, profile.level_text]))
-
-
-def _of_level(profile: Profile, units: OutputUnits) -> tuple[Part, ...]:
+def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
     """Means and largest values of a building, and where they were estimated their errors."""
-    told = not np.isnan(profile.height).any()
-    values = profile_table(profile, ("peak_drift_ratio" if told else "peak_drift", *_OF_SUITE), units)
-    if not profile.peak_errors:
-        return (values,)
-    return values, _ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))
+    has_heights = not np.isnan(profile.height).any()
+    parts: list[Part] = [
+        profile_table(profile, ("peak_drift_ratio" if has_heights else "peak_drift", *_OF_SUITE), units)
+    ]
+    if profile.peak_errors:
+        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
+    building = ", ".join(filter(None, [profile.building, profile.level_text]))
+    return Chapter(f"Over the motions: {building}", parts)
 
 
 def _compared(ratios: Table) -> Table:
@@ -453,6 +446,7 @@ def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
         factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
+        # Each motion's smallest factor belongs to the first level, whatever its size.
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
     return [
@@ -477,6 +471,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
         return (), []
     if not plan.scaled:
         return (f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",), []
+    # In the words of the command: target or measure, rule, range, damping, pairs.
     settings = plan.scaled["settings"]
     aim = settings["target"] or " ".join(
         f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split() if settings["measure"] else ()
@@ -495,6 +490,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
         wholes = {id(motion.whole): (motion.whole, plan.levels.by_motion[i]) for i, motion in enumerate(plan.motions)}
+        # Several factors for a motion are several suites, which one picture does not show.
         if all(len(factors) == 1 for _, factors in wholes.values()):
             scaling = Scaling(
                 tuple(whole for whole, _ in wholes.values()),
@@ -519,12 +515,14 @@ def _motions(
     parts: list[Part] = list(scaled)
     drawn = any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
+        # Factors that are all alike are told once.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
         times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its factor"
         said = "" if factors == {1.0} else f", {times}"
         parts += [f"Level {number} of {len(levels)}{said}:"] * (len(levels) > 1)
         parts.append(motion_table(records, component_names(records)).in_units(units))
+        # More spectra than these in one picture are a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]

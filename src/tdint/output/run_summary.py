@@ -10,7 +10,7 @@ from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
-from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
@@ -18,7 +18,6 @@ from tdint.units import suffix
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import (
         Collapse,
-        Energy,
         ErrorEstimate,
         FailedRun,
         Response,
@@ -109,6 +108,9 @@ def run_summary(
     settings : mapping, optional
         Settings of the command line beside those of the model.
     """
+    energy = response.energy
+    # The story that still moves most.
+    moving = int(response.moving_drift.argmax())
     content = {
         "schema": schema("run"),
         "status": response.status,
@@ -125,11 +127,19 @@ def run_summary(
         "time_loop_s": response.march_time,
         "time_loop_clock": CLOCKS[clock()],
         "building": _building(response.model, first),
-        "energy": _energy(response.energy),
+        "energy": {
+            "start_J": energy.start,
+            **{f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS},
+            "error": energy.error,
+        },
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
         **({"shocks": [_shock(shock) for shock in response.shocks]} if response.shocks else {}),
-        "at_end": _at_end(response),
+        "at_end": {
+            "moving_drift_m": float(response.moving_drift[moving]),
+            "moving_drift_story": moving + 1,
+            "rest_s": response.rest_time,
+        },
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         **_damage(response),
@@ -187,6 +197,7 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
+    # Settings are as they were given, and mean what the help says.
     names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
@@ -195,6 +206,7 @@ def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
     """Keys of numbers, and of lists of them, however deep."""
     for key, value in content.items():
         parts = value if isinstance(value, list) else [value]
+        # Of shocks and outcomes one may have numbers that another one lacks.
         if parts and isinstance(parts[0], Mapping):
             for part in parts:
                 yield from _numbers(part)
@@ -212,6 +224,7 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
     for demand in DEMANDS:
         largest = only(demand.of(stories))
         result[demand.column] = None if math.isnan(largest.value) else largest.value
+        # A demand of one story by its definition needs no place beside it.
         if demand.story is None:
             result[demand.of_place] = largest.place
     return result
@@ -224,11 +237,16 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "stories": len(model.stories),
-        "p_delta": model.p_delta,
-        "damping": _damping(model.damping),
-    }
+    damping: dict[str, Any] | None = None
+    match model.damping:
+        case RayleighCoefficients(mass, stiffness):
+            damping = {"type": "rayleigh", "mass_1_s": mass, "stiffness_s": stiffness}
+        case RayleighRatio(ratios, modes):
+            damping = {"type": "rayleigh", "ratios": list(ratios), "modes": list(modes)}
+        case ModalDamping(ratios):
+            damping = {"type": "modal", "ratios": list(ratios)}
+    content: dict[str, Any] = {"stories": len(model.stories), "p_delta": model.p_delta, "damping": damping}
+    # Without a first mode, or a record, there is no spectral acceleration at its period.
     if first is not None:
         content |= {"t1_s": first.period, "t1_damping": first.damping}
         if first.sa is not None:
@@ -236,34 +254,10 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
     return content
 
 
-def _damping(damping: Damping) -> dict[str, Any] | None:
-    if damping is None:
-        return None
-    if isinstance(damping, RayleighCoefficients):
-        return {"type": "rayleigh", "mass_1_s": damping.mass, "stiffness_s": damping.stiffness}
-    if isinstance(damping, ModalDamping):
-        return {"type": "modal", "ratios": list(damping.ratios)}
-    return {"type": "rayleigh", "ratios": list(damping.ratios), "modes": list(damping.modes)}
-
-
-def _at_end(response: Response) -> dict[str, Any]:
-    story = int(response.moving_drift.argmax())
-    return {
-        "moving_drift_m": float(response.moving_drift[story]),
-        "moving_drift_story": story + 1,
-        "rest_s": response.rest_time,
-    }
-
-
 def _shock(shock: Shock) -> dict[str, Any]:
     errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
     record = motion_summary(shock.record)
     return {"record": record, "start_s": shock.start, "peaks": peaks(shock.stories), "errors": errors}
-
-
-def _energy(energy: Energy) -> dict[str, float]:
-    terms = {f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS}
-    return {"start_J": energy.start, **terms, "error": energy.error}
 
 
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
@@ -288,6 +282,7 @@ def _damage(response: Response) -> dict[str, Any]:
     """The damage that the model's states tell; nothing without any."""
     if response.model.damage is None:
         return {}
+    # Not above: runs of buildings without states need none of it.
     from tdint.campaign.fragility.runs import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)

@@ -91,6 +91,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
     from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
+    # From the store, not the files: these may be gone, or others by now.
     records = store.connection.execute(
         "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records ORDER BY id"
     )
@@ -145,6 +146,7 @@ def in_units(
 def _converted(content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in content.items():
+        # Settings stay as they were typed; what columns mean changes with their units.
         if key == "settings":
             result[key] = {**value, "output_units": str(units)}
         elif key in ("columns", "meanings") and isinstance(value, Mapping):
@@ -193,6 +195,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float | np.floating):
+        # As in tables; JSON has no nan.
         return float(format(value + 0.0, ".12g")) if math.isfinite(value) else None
     return value
 
@@ -220,6 +223,7 @@ def motion_summary(record: Record) -> dict[str, Any]:
 
 def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
     """Inputs of several parts, each once, by name."""
+    # A file that several parts have read stands there once.
     merged = {(given["file"], given["sha256"]): dict(given) for inputs in some for given in inputs}
     return [merged[key] for key in sorted(merged)]
 
@@ -276,9 +280,23 @@ def chart_summary(
         "target": target,
         "interval_s": charts[0].interval,
         "timing": [_timing(chart.timing) for chart in charts],
-        "references": [_reference(chart) for chart in charts],
+        "references": [
+            {
+                "stories": chart.stories,
+                "method": chart.reference.method,
+                "dt_s": chart.reference.dt,
+                "confirmed_by": chart.reference.confirmed_by,
+                "gap": {quantity.replace("-", "_"): chart.reference.gap.of(quantity) for quantity in QUANTITIES},
+            }
+            for chart in charts
+        ],
         "peers": [asdict(peer) for chart in charts for peer in chart.peers],
-        "recommended": [_advice(advised, target) for advised in advice],
+        "recommended": [
+            {"limit": advised.limit}
+            | (_point(advised.point, target) if advised.point else {"method": None})
+            | {"ties": [_point(tie, target) for tie in advised.ties]}
+            for advised in advice
+        ],
         "usual": _point(charts[0].usual, target) if len(charts) == 1 else None,
         "notes": list(notes),
         "columns": meanings,
@@ -308,6 +326,7 @@ def field_summary(
             }
             for case in chart.measured
         ],
+        # What stands in the lists of points: a field has thousands, and each would name its numbers.
         "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{name}_error" for name in _OF_PEAKS)],
         "recommended": chart.leaders()._asdict(),
         "timing": _timing(chart.timing),
@@ -321,17 +340,6 @@ def field_summary(
 _OF_PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
 
-def _reference(chart: Chart) -> Mapping[str, Any]:
-    reference = chart.reference
-    return {
-        "stories": chart.stories,
-        "method": reference.method,
-        "dt_s": reference.dt,
-        "confirmed_by": reference.confirmed_by,
-        "gap": {quantity.replace("-", "_"): reference.gap.of(quantity) for quantity in QUANTITIES},
-    }
-
-
 def _timing(timing: Timing) -> Mapping[str, Any]:
     return {
         "clock": CLOCKS[timing.clock],
@@ -341,11 +349,6 @@ def _timing(timing: Timing) -> Mapping[str, Any]:
         "processors": timing.processors,
         "wall_over_processor_time": timing.stretch,
     }
-
-
-def _advice(advice: Advice, target: str) -> dict[str, Any]:
-    summary = _point(advice.point, target) if advice.point else {"method": None}
-    return {"limit": advice.limit, **summary, "ties": [_point(tie, target) for tie in advice.ties]}
 
 
 def _point(point: Point, target: str) -> dict[str, Any]:
@@ -380,24 +383,27 @@ def comparison_summary(
     units : OutputUnits
         Of the fitted values, whose names say them; the keys' units are those of `in_units`.
     """
-    from tdint.output.tables.buildings import comparison_table
+    from tdint.output.tables.buildings import comparison_table, fitted_table
 
+    # Values and what their columns mean, in the units of the output.
+    fit: dict[str, Any] | None = None
+    if fitted is not None:
+        table = fitted_table(fitted.values, units)
+        values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+        fit = {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}
+    inputs = [model_input(model)]
+    for event in (comparison.event for comparison in comparisons):
+        inputs += [input_of(event.recording.source, event.recording.text), *event.inputs]
     return {
         "schema": schema("compare"),
         "name": model.name,
         "events": [_event(comparison) for comparison in comparisons],
-        "fit": _fit(fitted, units),
+        "fit": fit,
         "settings": dict(settings),
-        "inputs": inputs_summary(
-            [model_input(model), *(file for comparison in comparisons for file in _inputs(comparison))]
-        ),
+        "inputs": inputs_summary(inputs),
         "columns": comparison_table(comparisons).meanings,
         "versions": versions(),
     }
-
-
-def _inputs(comparison: Comparison) -> list[Any]:
-    return [input_of(comparison.event.recording.source, comparison.event.recording.text), *comparison.event.inputs]
 
 
 def _event(comparison: Comparison) -> dict[str, Any]:
@@ -427,13 +433,3 @@ def _event(comparison: Comparison) -> dict[str, Any]:
         "notes": [*event.notes, *response.notes],
         "warnings": [*event.warnings, *response.warnings, *absolute_displacements(comparison)],
     }
-
-
-def _fit(fitted: Fit | None, units: OutputUnits) -> dict[str, Any] | None:
-    if fitted is None:
-        return None
-    from tdint.output.tables.buildings import fitted_table
-
-    table = fitted_table(fitted.values, units)
-    values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-    return {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}

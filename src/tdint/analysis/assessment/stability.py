@@ -143,6 +143,7 @@ def critical_step(method: Integrator, damping: float = 0.0, largest: float = LAR
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
+    # Halved to rounding.
     for _ in range(50):
         middle = 0.5 * (low + high)
         if _grows(method, np.array([middle]), damping)[0]:
@@ -292,7 +293,14 @@ def overshoot(
     largest = np.array(
         [np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1) for level in _LEVELS]
     )
-    displacement_power, velocity_power = tuple(_slope(values, _NOISE[start]) for values in largest.T)
+    powers = []
+    for values in largest.T:
+        clear = np.flatnonzero(values > _NOISE[start])
+        power = -math.inf
+        if clear.size >= 2:
+            low, high = clear[-2:]
+            power = math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
+        powers.append(power)
     return Overshoot(
         method=method.label,
         dt_over_t=dt_over_t,
@@ -300,8 +308,8 @@ def overshoot(
         start=start,
         displacement=u / amplitude,
         velocity=hv / (omega_h * amplitude),
-        displacement_power=displacement_power,
-        velocity_power=velocity_power,
+        displacement_power=powers[0],
+        velocity_power=powers[1],
     )
 
 
@@ -313,14 +321,6 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
         return "unstable"
     growing: set[str] = set().union(*(motion.growing for motion in both))
     return " and ".join(sorted(growing)) or "none"
-
-
-def _slope(values: Array, noise: Array) -> float:
-    clear = np.flatnonzero(values > noise)
-    if clear.size < 2:
-        return -math.inf
-    low, high = clear[-2:]
-    return math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
 
 
 def _first_steps(method: Integrator, start: str, omega_h: Array, steps: int, damping: float) -> Array:
@@ -343,10 +343,9 @@ def _nonlinear_overshoot(
     velocity = math.sqrt(2.0 * problem.energy_scale / story.mass)
     omega = math.sqrt(story.stiffness / story.mass)  # of small vibrations
     damped = replace(story, dashpot=2.0 * damping * omega * story.mass)
-    own = np.multiply(STARTS[start], (displacement, velocity))
-    prepared = PreparedBuilding(
-        assemble(replace(problem.model, stories=(damped,))), displacement=own[0], velocity=own[1]
-    )
+    u_start, v_start = np.multiply(STARTS[start], (displacement, velocity))
+    building = assemble(replace(problem.model, stories=(damped,)))
+    prepared = PreparedBuilding(building, displacement=u_start, velocity=v_start)
     u, v = _marched(prepared, method, Steps(2.0 * math.pi * dt_over_t / omega, steps))[:, :, 0]
     powers = (math.nan, math.nan)
     return Overshoot(method.label, dt_over_t, damping, start, u / displacement, v / velocity, *powers, law)

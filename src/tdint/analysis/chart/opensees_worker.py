@@ -105,7 +105,17 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.fix(_GROUND, 1)
     for i in range(n):
         ops.mass(i + 1, float(problem["mass"][i]))
-        _story(ops, problem, i)
+        # A story is a spring, and beside it a dashpot that Rayleigh damping does not have.
+        stiffness, dashpot, yields = (float(problem[name][i]) for name in ("stiffness", "dashpot", "yield_force"))
+        if math.isnan(yields):
+            ops.uniaxialMaterial("Elastic", i + 1, stiffness)
+        else:
+            ops.uniaxialMaterial("Steel01", i + 1, yields, stiffness, float(problem["hardening"][i]))
+        materials, directions = [i + 1], [1]
+        if dashpot != 0.0:
+            ops.uniaxialMaterial("Viscous", 100_000 + i, dashpot, 1.0)
+            materials, directions = [i + 1, 100_000 + i], [1, 1]
+        ops.element("zeroLength", i + 1, i, i + 1, "-mat", *materials, "-dir", *directions, "-doRayleigh", 1)
     ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
     _load_floors(ops, problem)
     if problem["ground"].size > 1:
@@ -123,19 +133,6 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.algorithm("Linear" if problem["one_solve"] else "Newton")
     ops.integrator(*run["integrator"])
     ops.analysis("Transient")
-
-
-def _story(ops: Any, problem: Content, i: int) -> None:
-    stiffness, dashpot, yields = (float(problem[name][i]) for name in ("stiffness", "dashpot", "yield_force"))
-    if math.isnan(yields):
-        ops.uniaxialMaterial("Elastic", i + 1, stiffness)
-    else:
-        ops.uniaxialMaterial("Steel01", i + 1, yields, stiffness, float(problem["hardening"][i]))
-    materials, directions = [i + 1], [1]
-    if dashpot != 0.0:
-        ops.uniaxialMaterial("Viscous", 100_000 + i, dashpot, 1.0)
-        materials, directions = [i + 1, 100_000 + i], [1, 1]
-    ops.element("zeroLength", i + 1, i, i + 1, "-mat", *materials, "-dir", *directions, "-doRayleigh", 1)
 
 
 def _load_floors(ops: Any, problem: Content) -> None:
@@ -163,6 +160,7 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     rows = run["steps"] // every + 1
     table = np.zeros((3, rows, n))
     table[:, 0] = problem["u_start"], problem["v_start"], problem["a_start"]
+    # Peaks are seen at all steps, the motion is kept at the samples.
     peaks = np.abs(np.diff(problem["u_start"], prepend=0.0))
     iterations = 0
     for step in range(1, run["steps"] + 1):

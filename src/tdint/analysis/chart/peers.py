@@ -127,6 +127,7 @@ def _ask(
         }
         for integrator, steps in runs
     ]
+    # In a process of its own: OpenSees' libraries would stay in this one, and may end it.
     stream = io.BytesIO()
     np.savez(stream, runs=np.array(json.dumps(jobs)), **_arrays(problem, reference))
     command = [sys.executable, "-P", "-m", opensees_worker.__name__]
@@ -155,6 +156,10 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         parameters[:, bilinear] = building.law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
     dampers = building.linear_terms[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
+    # The start is that of equilibrium, which OpenSees does not look for.
+    start_force = -building.damping_matrix() @ problem.velocity - building.stiffness_matrix() @ problem.displacement
+    for row in problem.forces:
+        start_force[int(row[at.FLOOR])] += row[at.COSINE]
     return {
         "mass": building.mass,
         "stiffness": stiffness,
@@ -169,18 +174,9 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         "one_solve": np.array(_one_solve(problem)),
         "u_start": problem.displacement,
         "v_start": problem.velocity,
-        "a_start": _start_acceleration(problem),
+        "a_start": np.asarray(start_force / building.mass - problem.ground[0]),
         "largest": np.array(np.max(building.mass * np.abs(reference.motion.acceleration))),
     }
-
-
-def _start_acceleration(problem: Problem) -> Array:
-    """Acceleration of equilibrium at t = 0 relative to the ground, m/s^2."""
-    building = problem.building
-    force = -building.damping_matrix() @ problem.velocity - building.stiffness_matrix() @ problem.displacement
-    for row in problem.forces:
-        force[int(row[at.FLOOR])] += row[at.COSINE]
-    return np.asarray(force / building.mass - problem.ground[0])
 
 
 def _point(
@@ -284,6 +280,7 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
         shear = elastic * np.diff(u, prepend=0.0)
         change = state[2 * n :]
         if hysteresis:
+            # The hysteretic part of a bilinear story: elastic until it reaches its strength, and constant there.
             z = state[2 * n :]
             shear += np.clip(z, -strength, strength)
             change = hysteretic * np.diff(v, prepend=0.0)
@@ -408,12 +405,15 @@ def with_peers(
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
     """The other programs that some points are of."""
     programs = {point.line.partition("/")[0] for point in points}
-    known = {"openseespy": (_OPENSEES_SETTINGS, "analyze"), "scipy": (_SCIPY_SETTINGS, "solve_ivp")}
-    return tuple(Peer(name, _version(name), *told) for name, told in known.items() if name in programs)
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "of unknown version"
+    peers = []
+    for name, settings, timed in (
+        ("openseespy", _OPENSEES_SETTINGS, "analyze"),
+        ("scipy", _SCIPY_SETTINGS, "solve_ivp"),
+    ):
+        if name in programs:
+            try:
+                number = version(name)
+            except PackageNotFoundError:
+                number = "of unknown version"
+            peers.append(Peer(name, number, settings, timed))
+    return tuple(peers)

@@ -189,8 +189,8 @@ def pose(
     duration = model.analysis.duration if duration is None else duration
     if duration is not None and not (math.isfinite(duration) and duration > 0.0):
         raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
-    own = record.dt if record else model.analysis.dt or max(dts, default=None)
-    whole = choose_steps(own, duration, record.dt if record else None, record.duration if record else 0.0)
+    interval = record.dt if record else model.analysis.dt or max(dts, default=None)
+    whole = choose_steps(interval, duration, record.dt if record else None, record.duration if record else 0.0)
     problem = Problem(model, record, whole.h, whole.count)
     causes = (problem.ground[: problem.samples + 1], problem.forces[:, 1:3], problem.displacement, problem.velocity)
     if not any(np.any(cause) for cause in causes):
@@ -221,12 +221,13 @@ def stretched(model: Model, count: int) -> Model:
     Rayleigh damping keeps its coefficients. Of modal damping of the first modes those remain that there are. Forces
     and the initial state move with their floors.
     """
-    own = len(model.stories)
-    if count == own:
+    stories = len(model.stories)
+    if count == stories:
         return model
-    floors = [i * own // count for i in range(count)]
+    floors = [i * stories // count for i in range(count)]
     damping = model.damping
     if isinstance(damping, RayleighRatio):
+        # Its coefficients, from the mass and the stiffness of the lowest story.
         building = assemble(model)
         first = model.stories[0]
         damping = RayleighCoefficients(
@@ -236,7 +237,7 @@ def stretched(model: Model, count: int) -> Model:
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])
     forces = tuple(
-        replace(force, floor=max(1, math.ceil(force.floor * count / own))) for force in model.excitation.forces
+        replace(force, floor=max(1, math.ceil(force.floor * count / stories))) for force in model.excitation.forces
     )
     return replace(
         model,
@@ -298,23 +299,23 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     """Errors of a motion against the reference, which has all samples, at the times of the motion."""
     true = reference.every(motion.stride, len(motion.displacement))
-    of_history = {name: _relative(getattr(motion, name), getattr(true, name)) for name in QUANTITIES[:-1]}
-    return Errors(**of_history, peak_drift=_of_peaks(motion.peak_drift, true.peak_drift))
+    of_history = {}
+    for name in QUANTITIES[:-1]:
+        values, exact = getattr(motion, name), getattr(true, name)
+        of_history[name] = float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
+    return Errors(**of_history, peak_drift=largest_relative(motion.peak_drift, true.peak_drift))
 
 
 def errors_of_peaks(peak_drift: Array, reference: FloorMotion) -> Errors:
     """The error of peak drifts (m, shape (n,)) of a run that keeps no history; nan for the others."""
     unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
-    return Errors(**unknown, peak_drift=_of_peaks(peak_drift, reference.peak_drift))
+    return Errors(**unknown, peak_drift=largest_relative(peak_drift, reference.peak_drift))
 
 
-def _of_peaks(peaks: Array, true: Array) -> float:
+def largest_relative(peaks: Array, true: Array) -> float:
+    """Largest relative error of the stories' peaks, but for those below a thousandth of the largest one."""
     counted = true > _SMALL * np.max(true)
-    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0)))
-
-
-def _relative(values: Array, true: Array) -> float:
-    return float(np.linalg.norm(values - true) / np.linalg.norm(true))
+    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -370,19 +371,18 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
     return reference
 
 
-def _plan(problem: Problem) -> _Plan:
+def _solve(problem: Problem, samples: int) -> Reference:
+    # Which methods; kinks of the force keep two solutions further apart.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
-        return _Plan("exact", "impulse4", extrapolated=False, goal=_EXACT_GOAL)
-    kinked = building.piecewise_linear and not building.linear
-    return _Plan("impulse4", "newmark-average", extrapolated=True, goal=_KINKED_GOAL if kinked else _SMOOTH_GOAL)
-
-
-def _solve(problem: Problem, samples: int) -> Reference:
-    plan = _plan(problem)
+        plan = _Plan("exact", "impulse4", extrapolated=False, goal=_EXACT_GOAL)
+    else:
+        goal = _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
+        plan = _Plan("impulse4", "newmark-average", extrapolated=True, goal=goal)
     problem.prepared.compile(parse(method) for method in (plan.method, plan.other))
+    # The first step is as small as half a second allows, so that few buildings need a second one.
     parts = 8
-    while parts < 64 and 2 * parts * samples * problem.building.stories * _STORY_STEP < _FIRST_COST:
+    while parts < 64 and 2 * parts * samples * building.stories * _STORY_STEP < _FIRST_COST:
         parts *= 2
     begin = time.monotonic()
     best = _solve_once(problem, samples, plan, parts)
@@ -400,8 +400,11 @@ def _solve_once(problem: Problem, samples: int, plan: _Plan, parts: int) -> Refe
     motion = _motion(problem, samples, plan.method, parts)
     h = problem.interval / parts
     if plan.extrapolated:
+        # The limit of two motions of a method of order 2 (Richardson).
         coarse, fine = (_motion(problem, samples, plan.other, 4 * parts * m) for m in (1, 2))
-        other = _extrapolated(coarse, fine)
+        names = [field.name for field in fields(FloorMotion)[1:]]
+        limits = ((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names)
+        other = FloorMotion(fine.stride, *limits)
         words = f"{plan.other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
     else:
         other = _motion(problem, samples, plan.other, parts)
@@ -415,12 +418,6 @@ def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMot
     if march.motion is None:
         raise AnalysisError(f"no reference: {method} with dt {h:.6g} s does not reach the end")
     return march.motion
-
-
-def _extrapolated(coarse: FloorMotion, fine: FloorMotion) -> FloorMotion:
-    """The limit of two motions of a method of order 2, the step of the second half of the first's (Richardson)."""
-    names = [one.name for one in fields(FloorMotion)[1:]]
-    return FloorMotion(fine.stride, *((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names))
 
 
 # ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.
@@ -474,6 +471,7 @@ def _save(file: Path, reference: Reference) -> None:
         "dt": reference.dt,
         "confirmed_by": reference.confirmed_by,
     }
+    # The youngest that fit into `_KEPT` stay, this one whatever its size.
     with suppress(OSError, OutputError):
         file.parent.mkdir(exist_ok=True, mode=0o700)
         write_file(file, lambda stream: np.savez(stream, **content), overwrite=True)

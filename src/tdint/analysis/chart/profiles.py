@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.analysis.chart.problem import Errors, Problem, Reference, ending_together, pose
+from tdint.analysis.chart.problem import Errors, Problem, Reference, ending_together, largest_relative, pose
 from tdint.analysis.chart.work_precision import (
     Peer,
     PerformanceProfile,
@@ -31,7 +31,6 @@ from tdint.analysis.given import AnyModel, AnyRecord, record_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.analysis.run.run import model_record
-from tdint.arrays import Array
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
@@ -67,7 +66,6 @@ PARTS = (16.0, 12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1
 
 PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
-_SMALL = 1e-3  # stories whose peak is below this part of the largest do not count, as in `problem.errors`
 _FINE = 32  # parts of the interval that the reference steps with
 _FINER = (32, 128)  # and the second method: the latter where the former does not confirm it
 _SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
@@ -97,12 +95,7 @@ class PeakErrors:
     @classmethod
     def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
         """Of some peaks against those that are true."""
-        return cls(*(_largest(getattr(peaks, name), getattr(true, name)) for name in PEAKS))
-
-
-def _largest(peaks: Array, true: Array) -> float:
-    counted = true > _SMALL * np.max(true)
-    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
+        return cls(*(largest_relative(getattr(peaks, name), getattr(true, name)) for name in PEAKS))
 
 
 @dataclass(frozen=True)
@@ -191,48 +184,51 @@ class FieldChart(Tabular):
     @property
     def lines(self) -> list[str]:
         """The methods, other programs behind ours."""
-        lines = dict.fromkeys(point.line for one in self.measured for point in one.points)
+        lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
         return sorted(lines, key=lambda line: PEER in line)
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
         """By quantity, by tolerance, by method: over the problems that the method was given and whose references are
         known well enough. Another program's costs are over the least of ours, which it does not change."""
-        found = []
+        profiles = []
+        our_lines = [line for line in self.lines if PEER not in line]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
-            judged = [one.costs(quantity, tolerance) for one in self.measured if one.judges(quantity, tolerance)]
-            if not judged:
+            sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
+            if not sure:
                 continue
-            own = [line for line in self.lines if PEER not in line]
-            table = np.array([[costs.get(line, math.nan) for line in own] for costs in judged])
-            ours = performance_ratios(table)
+            judged = [measured.costs(quantity, tolerance) for measured in sure]
+            table = np.array([[costs.get(line, math.nan) for line in our_lines] for costs in judged])
+            our_ratios = performance_ratios(table)
             for line in self.lines:
                 given = [number for number, costs in enumerate(judged) if line in costs]
-                if line in own:
-                    ratios = ours[given, own.index(line)]
+                if line in our_lines:
+                    ratios = our_ratios[given, our_lines.index(line)]
                 else:
+                    # Where none of our methods solves the problem and this program does, the ratio is 0.
                     least = np.min(np.where(np.isnan(table[given]), math.inf, table[given]), axis=1)
                     ratios = np.array([judged[number][line] for number in given]) / least
                     ratios[np.isnan(ratios)] = math.inf
                 if given:
-                    found.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist()))))
-        return tuple(found)
+                    profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist()))))
+        return tuple(profiles)
 
     def leaders(self) -> Leaders:
         """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
         3 % and more; and what fails least, with the least worst ratio. Among methods that take all problems."""
-        own = [profile for profile in self.profiles if PEER not in profile.method]
-        given = {line: sum(p.problems for p in own if p.method == line) for line in self.lines}
+        profiles = [profile for profile in self.profiles if PEER not in profile.method]
+        # Only methods that were given all problems are compared: those for linear buildings alone have the easier ones.
+        given = {line: sum(p.problems for p in profiles if p.method == line) for line in self.lines}
         lines = [line for line in self.lines if given[line] and given[line] == max(given.values())]
         if not lines:
             raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
 
         def near(line: str, least: float) -> int:
-            return sum(p.within(2.0) for p in own if p.method == line and p.tolerance >= least)
+            return sum(p.within(2.0) for p in profiles if p.method == line and p.tolerance >= least)
 
         def fails(line: str) -> tuple[int, float]:
-            mine = [p for p in own if p.method == line]
-            return sum(p.problems - p.solved for p in mine), max(p.worst for p in mine if p.solved)
+            of_line = [p for p in profiles if p.method == line]
+            return sum(p.problems - p.solved for p in of_line), max(p.worst for p in of_line if p.solved)
 
         return Leaders(
             max(lines, key=lambda line: near(line, 0.0)),
@@ -284,8 +280,8 @@ def measure_problem(
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
         other = _march(posed, parse("moment4"), posed.interval / parts)
-        found = PeakErrors.between(other.stories, true.stories)
-        gap = PeakErrors(*np.minimum(astuple(gap), astuple(found)).tolist())
+        apart = PeakErrors.between(other.stories, true.stories)
+        gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
             break
@@ -334,9 +330,11 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
         except FailedRun as failure:
             points.append(replace(bare, outcome=failure.status))
             continue
-        found = PeakErrors.between(response.stories, true) if response.status == DONE else None
-        told = {"outcome": response.status, "iterations": response.iterations, "times": (response.march_time,)}
-        points.append(replace(bare, errors=found, **told))  # type: ignore[arg-type]
+        point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
+        if response.status == DONE:
+            point = replace(point, errors=PeakErrors.between(response.stories, true))
+        points.append(point)
+        # Two in a row, for the error of one step may be small by chance.
         last = [point.errors for point in points[-2:] if point.errors]
         if len(last) == 2 and max(error.worst for error in last) < _FAR_BELOW * min(TOLERANCES):
             break
@@ -346,12 +344,12 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
 def _contenders(points: Iterable[Point]) -> list[Point]:
     """Points whose cost is the least of their line for some quantity and tolerance, or may be when timed again."""
     points = list(points)
-    found: dict[int, Point] = {}
-    for line, quantity, tolerance in product(dict.fromkeys(one.line for one in points), PEAKS, TOLERANCES):
+    contenders: dict[int, Point] = {}
+    for line, quantity, tolerance in product(dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES):
         good = within(points, line, quantity, tolerance)
         least = min((point.fastest for point in good), default=math.nan)
-        found |= {id(point): point for point in good if point.fastest <= _NEAR * least}
-    return list(found.values())
+        contenders |= {id(point): point for point in good if point.fastest <= _NEAR * least}
+    return list(contenders.values())
 
 
 def _others(posed: Problem, dts: Sequence[float]) -> list[Point]:
@@ -362,8 +360,8 @@ def _others(posed: Problem, dts: Sequence[float]) -> list[Point]:
     motion = posed.march(parse("impulse4"), posed.steps(h), keep=True).motion
     assert motion is not None  # it has come to its end before
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
-    found, _ = openseespy_points(posed, dts, reference)
-    return [replace(one, errors=PeakErrors(one.error("peak_drift"), math.nan, math.nan)) for one in found]
+    points, _ = openseespy_points(posed, dts, reference)
+    return [replace(point, errors=PeakErrors(point.error("peak_drift"), math.nan, math.nan)) for point in points]
 
 
 # ---- All of them
@@ -437,10 +435,10 @@ def measure_all(
     measured: list[Measured] = []
     for done, problem in enumerate(given):
 
-        def tell(what: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
-            progress(f"{problem.name}, {problem.motion}: {what}", (done + part) / len(given))
+        def tell(act: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
+            progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
-        first = problem.name not in {one.name for one in measured}
+        first = problem.name not in {before.name for before in measured}
         measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers and first, progress=tell))
     return field_chart(measured)
 
@@ -449,7 +447,7 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
     """The chart of what was measured."""
     from tdint.analysis.chart.peers import peers_of
 
-    points = [point for one in measured for point in one.points]
+    points = [point for of_problem in measured for point in of_problem.points]
     return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
 
 
@@ -458,13 +456,13 @@ def crossed(models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence
     buildings = models if isinstance(models, list | tuple) else [models]
     motions = records if isinstance(records, list | tuple) else [records]
     read = [record_of(record) for record in motions]
-    found = []
+    problems = []
     for model in map(model_of, buildings):
-        own: list[Record | None] = [model_record(model)] if not read else [*read]
-        for record in own:
+        given: Sequence[Record | None] = read or [model_record(model)]
+        for record in given:
             motion = " ".join(filter(None, (Path(record.source).stem, record.component))) if record else "its forces"
-            found.append(FieldProblem(model.name, motion, "", pose(model, record)))
-    return found
+            problems.append(FieldProblem(model.name, motion, "", pose(model, record)))
+    return problems
 
 
 def read_problems(source: str | Path) -> list[FieldProblem]:
@@ -493,8 +491,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         motions = named.section(named.names, "a mapping from names to ground motions") if named else None
         for name in named.names if named and motions else ():
             motion = motions.get(name) if motions else None
-            if (found := record_within(motion) if motion else None) is not None:
-                sources[name] = found
+            if (stated := record_within(motion) if motion else None) is not None:
+                sources[name] = stated
         for item in (listed.items("a list of problems", "is empty; give at least one") if listed else None) or ():
             entry = item.section(("name", "reason", "model", "scales"))
             if entry and (problem := _entry(entry, origin, named.names if named else ())):
@@ -502,9 +500,9 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     root.faults.raise_if_any()
     # Each building under each of its motions
     records: dict[str, Record | None] = {}
-    found_all = []
-    for name, reason, stated, scales in entries:
-        model = model_of(stated)
+    problems = []
+    for name, reason, building, scales in entries:
+        model = model_of(building)
         for motion_name, factor in scales.items():
             if motion_name not in records:
                 bare = replace(model.excitation, record=sources[motion_name], forces=())
@@ -512,8 +510,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
             record = records[motion_name]
             assert record is not None
             scaled = record.scaled(factor) if factor != 1.0 else record
-            found_all.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
-    return found_all
+            problems.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
+    return problems
 
 
 _NEEDS = (
@@ -530,6 +528,7 @@ def _entry(
     name, value = entry.need("name", "give the problem a name"), entry.need("model", "give a model or its file")
     scales = entry.need("scales", "give a factor for each record: {NAME: 1}")
     label = name.text() if name else None
+    # A model stands here itself or in a file; what it says of a record does not count.
     model: Model | str | None = None
     if value is not None:
         inside = replace(origin, name=label or origin.name)

@@ -76,7 +76,7 @@ Progress = Callable[[str, float], None]
 """Told what is being done and how much of it is done, from 0 to 1."""
 
 
-def silent(what: str, part: float) -> None:
+def silent(act: str, part: float) -> None:
     """Nobody is told of progress."""
 
 
@@ -237,7 +237,7 @@ class Chart(Tabular):
     def _headline(self) -> str:
         lines = len({point.line for point in self.points})
         counts = {"method": lines, "point": len(self.points), "story": self.stories}
-        return "of " + ", ".join(how_many(count, what) for what, count in counts.items())
+        return "of " + ", ".join(how_many(count, noun) for noun, count in counts.items())
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
@@ -246,9 +246,9 @@ def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, 
 
     Down to the interval itself in any case.
     """
-    one = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
+    at_interval = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
     halvings = HALVINGS
-    while halvings > 3 and one * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS:
+    while halvings > 3 and at_interval * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS:
         halvings -= 1
     halved = halved_steps(problem, halvings)
     between = (problem.interval * part for part in _BETWEEN)
@@ -270,9 +270,10 @@ def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrat
     """
     building = problem.building
     able = [
-        one
-        for one in integrators
-        if (building.linear or not one.family.linear_only) and (one.family.power_dampers or not building.power_damped)
+        integrator
+        for integrator in integrators
+        if (building.linear or not integrator.family.linear_only)
+        and (integrator.family.power_dampers or not building.power_damped)
     ]
     if not able:
         label = integrators[0].label
@@ -319,12 +320,13 @@ def measure(
     """
     problem = ending_together(problem, dts)
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
-    own = problem.steps(problem.interval)
-    usual = (parse(USUAL), own)
+    record_steps = problem.steps(problem.interval)
+    usual = (parse(USUAL), record_steps)
     progress("compiling", 0.0)
     problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
-    reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
+    reference = find_reference(problem, reached(problem, (*choices, record_steps)), cached=cached)
+    # The usual method at the record's step is measured in any case: other costs are told over its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
     points = bench.points(judge)
@@ -354,12 +356,12 @@ def with_tolerances(
     repeats : int
         How often each run is timed.
     """
-    wanted = sorted(set(tolerances), reverse=True)
+    falling = sorted(set(tolerances), reverse=True)
     points: list[Point] = []
     for method in CHOOSING:
         integrator = parse(method)
-        for tolerance in wanted:
-            progress(f"{method} within {tolerance:g}", len(points) / (len(CHOOSING) * len(wanted)))
+        for tolerance in falling:
+            progress(f"{method} within {tolerance:g}", len(points) / (len(CHOOSING) * len(falling)))
             points.append(_within(problem, chart.reference, integrator, tolerance, repeats))
     return replace(chart, points=(*chart.points, *points))
 
@@ -372,6 +374,7 @@ def _within(problem: Problem, reference: Reference, integrator: Integrator, tole
         response = problem.within(integrator, tolerance)
     except FailedRun as failure:
         return replace(point, outcome=failure.status)
+    # Processor time and wall time of each repetition: their ratio tells whether other work disturbed it.
     times, walls = [], []
     for _ in range(repeats):
         begin, wall = system.seconds(), time.perf_counter()
@@ -435,7 +438,7 @@ def chart(
     with told_progress(progress, 100, "%") as told:
         measured = measure(
             problem, integrators, steps, repeats=repeats, cached=cached,
-            progress=lambda what, part: told(round(100.0 * part), 100),
+            progress=lambda act, part: told(round(100.0 * part), 100),
         )  # fmt: skip
         return with_tolerances(problem, measured, limits, repeats=repeats)
 
@@ -456,40 +459,35 @@ class _Bench:
 
     def points(self, judge: Callable[[Sequence[Point]], object] | None = None) -> dict[_Pair, Point]:
         """Each pair of method and step measured, so often that the judge is sure."""
-        points = {pair: self._tried(*pair) for pair in self.pairs}
+        points: dict[_Pair, Point] = {}
+        # Outcome and errors, without times; a building that runs away has no motion.
+        for integrator, steps in self.pairs:
+            self._advance("errors", steps)
+            outcome = self.problem.outcome(integrator, steps)
+            point = Point(integrator.label, steps.h, steps.count, outcome, line=line_of(integrator))
+            if outcome in (DONE, *FALLEN):
+                march = self.problem.march(integrator, steps, keep=True)
+                if march.motion is not None:
+                    off = errors(march.motion, self.reference.motion)
+                    point = replace(point, iterations=march.iterations, errors=off)
+            points[integrator, steps] = point
+        # One time of each by turns, so that other work on the machine falls on all alike.
         verdict: object = None
         for turn in range(1, (_MORE_REPEATS if judge else 1) * self.repeats + 1):
-            points = {pair: self._timed(pair, point, turn <= self.repeats) for pair, point in points.items()}
+            for pair, point in points.items():
+                if turn <= self.repeats:
+                    self._advance("times", pair[1])
+                if point.errors:
+                    march = self.problem.march(*pair)
+                    points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
             before, verdict = verdict, judge(list(points.values())) if judge else None
             if turn >= self.repeats and verdict == before:
                 break
         return points
 
-    def _timed(self, pair: _Pair, point: Point, planned: bool) -> Point:
-        """A point with one time more."""
-        if planned:
-            self._advance("times", pair[1])
-        if not point.errors:
-            return point
-        march = self.problem.march(*pair)
-        return replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
-
-    def _tried(self, integrator: Integrator, steps: Steps) -> Point:
-        """Outcome and errors, without times."""
-        self._advance("errors", steps)
-        found = Point(
-            integrator.label, steps.h, steps.count, self.problem.outcome(integrator, steps), line=line_of(integrator)
-        )
-        if found.outcome not in (DONE, *FALLEN):
-            return found
-        march = self.problem.march(integrator, steps, keep=True)
-        if march.motion is None:  # The building ran away.
-            return found
-        return replace(found, iterations=march.iterations, errors=errors(march.motion, self.reference.motion))
-
-    def _advance(self, what: str, steps: Steps) -> None:
+    def _advance(self, act: str, steps: Steps) -> None:
         total = (self.repeats + 1) * sum(planned.count for _, planned in self.pairs)
-        self.progress(what, _PREPARED + (1.0 - _PREPARED) * self.done / total)
+        self.progress(act, _PREPARED + (1.0 - _PREPARED) * self.done / total)
         self.done += steps.count
 
 
@@ -528,8 +526,8 @@ def _alike(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
 
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
     """The points of a line whose error is within a limit, as are all those of it with smaller steps; these first."""
-    own = [point for point in points if point.line == line]
-    return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(own)))
+    of_line = [point for point in points if point.line == line]
+    return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
 
 
 # ---- Performance profiles: costs over those of the best, of many problems

@@ -191,13 +191,25 @@ def history_of(building: Building, forces: Array, space: Workspace, h: float, la
     energy of the whole must be told."""
     n = building.stories
     table = space.history
-    behind = 1 + at.HISTORY_FIELDS * n
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
+    # Energies stand behind the motion: what is put in is somewhere, or missing.
+    behind = 1 + at.HISTORY_FIELDS * n
+    terms = list(table[:, behind : behind + at.ENERGY_TERMS].T)
+    start, largest = space.totals[at.ENERGY_START], space.totals[at.ENERGY_LARGEST] if largest is None else largest
+    imbalance = reduce(sub, terms[1:], start + terms[0])
+    missing = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    # The error stands behind the energies where the run has carried it along.
+    errors, error = table[:, behind + at.ENERGY_TERMS :], None
+    if errors.size:
+        displacement, velocity, shear = (errors[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
+        drift = displacement.copy()
+        drift[:, 1:] -= displacement[:, :-1]
+        error = ErrorHistory(displacement, velocity, drift, shear)
     return History(
         time=time,
         ground_acceleration=table[:, 0],
-        energy=_energy_history(table[:, behind : behind + at.ENERGY_TERMS], space.totals, largest),
-        error=_error_history(table[:, behind + at.ENERGY_TERMS :], n),
+        energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=missing),
+        error=error,
         **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},
     )
 
@@ -221,15 +233,6 @@ def _over_story(place: int) -> Telling:
     return told
 
 
-def _error_history(table: Array, n: int) -> ErrorHistory | None:
-    if not table.size:
-        return None
-    displacement, velocity, shear = (table[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
-    drift = displacement.copy()
-    drift[:, 1:] -= displacement[:, :-1]
-    return ErrorHistory(displacement, velocity, drift, shear)
-
-
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
     """What moves the floors above each story: forces on them less masses times absolute accelerations."""
     moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
@@ -237,14 +240,6 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
         angle = force[at.OMEGA] * time
         moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
     return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
-
-
-def _energy_history(table: Array, totals: Array, largest: float | None) -> EnergyHistory:
-    terms = list(table.T)
-    start, largest = totals[at.ENERGY_START], totals[at.ENERGY_LARGEST] if largest is None else largest
-    imbalance = reduce(sub, terms[1:], start + terms[0])
-    error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
-    return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)
 
 
 _ACCELERATION = _field(2)
@@ -381,8 +376,17 @@ class Case:
         FailedRun
             The step is beyond the method's limit; the run diverged or did not converge.
         """
-        if not self.allow_unstable:
-            self._refuse_unstable(steps.h)
+        # A step beyond the method's limit for the building's modes in its initial state is refused.
+        instability = None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
+        if instability is not None:
+            h, omega, stable = steps.h, self.building.modes().omega[instability.index], instability.largest_stable
+            cure = f"the largest stable step is {stable:.6g} s" if stable > 0.0 else "no smaller step is stable"
+            message = (
+                f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} "
+                f"rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
+            )
+            raise FailedRun(message, "unstable-step", self.method.label, h, largest_stable_dt=stable)
+        # A run that fails after a collapse is made again up to that.
         marched = self._integrate(steps, history)
         collapse = self.judge(steps, marched.code, marched.space.totals)
         if marched.code < 0:
@@ -413,20 +417,6 @@ class Case:
             collapse_drift=self.model.collapse_drift,
         )
 
-    def _refuse_unstable(self, h: float) -> None:
-        """Refuse a step beyond the method's limit for the building's modes in its initial state."""
-        instability = self.prepared.instability(self.method, h)
-        if instability is None:
-            return
-        omega = self.building.modes().omega[instability.index]
-        stable = instability.largest_stable
-        cure = f"the largest stable step is {stable:.6g} s" if stable > 0.0 else "no smaller step is stable"
-        message = (
-            f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} rad/s, "
-            f"omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
-        )
-        raise FailedRun(message, "unstable-step", self.method.label, h, largest_stable_dt=stable)
-
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         residual = float(space.report[at.RESIDUAL])
         if code == at.NOT_FINITE or not residual < _OVERFLOW:
@@ -441,8 +431,11 @@ class Case:
         return self._failed(steps, "not-converged", event, time=reached, story=story, residual=residual)
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
-        """The time up to which the run came, s, and the kinetic energy there, J."""
-        return float(space.totals[at.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
+        """The time up to which the run came, s, and the kinetic energy of the motion relative to the ground there, J;
+        None if it is no finite number."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            energy = float(0.5 * np.sum(self.building.mass * space.state[at.VELOCITY, :-1] ** 2))
+        return float(space.totals[at.STEPS_REACHED]) * steps.h, energy if math.isfinite(energy) else None
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
@@ -504,8 +497,16 @@ class Case:
         energy = energy_of(space.totals)
         stories = story_peaks(self.building, space)
         unresolved = unresolved_errors(self.building, space, steps.late)
-        notes = self._notes(steps, int(space.totals[at.HALVINGS]))
         moving = moving_drift(self.building, space)
+        notes = self._notes(steps, space, stories, unresolved, moving, bool(collapse and collapse.ended))
+        warnings = [*self._doubts, *unusual_stories(DUCTILITY, stories.ductility)]
+        if not abs(energy.error) <= _LARGE_IMBALANCE:
+            change = "lost to" if energy.error > 0.0 else "made by"
+            warnings.insert(
+                0,
+                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
+                "method: use a smaller step or another method",
+            )
         kept, carries = space.history.size, self.method.family.carries_error
         history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
         response = Response(
@@ -523,18 +524,16 @@ class Case:
             energy=energy,
             history=history,
             pieces=partial(self.pieces, steps, energy.largest),
-            notes=(
-                *(*notes, *_unresolved_note(stories, unresolved)),
-                *(() if collapse and collapse.ended else self._moving_note(stories, moving)),
-            ),
+            notes=notes,
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,
             check=carried_error(self.building, space, stories, unresolved) if carries else None,
-            warnings=(*_imbalance(energy), *self._doubts, *unusual_stories(DUCTILITY, stories.ductility)),
+            warnings=tuple(warnings),
         )
         if space.choice is None:
             return response
+        # The steps were chosen on the way: those that were taken are told in place of the units.
         shortest, longest, taken = space.choice[[SHORTEST, LONGEST, TAKEN]].tolist()
         return replace(
             response,
@@ -544,7 +543,10 @@ class Case:
             pieces=None,
         )
 
-    def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:
+    def _notes(
+        self, steps: Steps, space: Workspace, stories: StoryPeaks, unresolved: StoryErrors, moving: Array, ended: bool
+    ) -> tuple[str, ...]:
+        """What there is to say of a run, which may have `ended` before its time by a collapse."""
         record = self.record
         notes = [*self.remarks, *(record.notes if record else ())]
         if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
@@ -552,21 +554,32 @@ class Case:
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
-        if halvings:
+        if halvings := int(space.totals[at.HALVINGS]):
             notes.append(f"steps that did not converge were halved, {how_many(halvings, 'time')} in all")
-        return tuple(notes)
-
-    def _moving_note(self, stories: StoryPeaks, moving: Array) -> tuple[str, ...]:
-        """That the drifts at the end are not residual ones. Under forces on floors there is no rest."""
+        # Peaks that the step is too long to tell.
+        kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
+        kinds["accelerations"] = "peak_acceleration"
+        hidden = [
+            words
+            for words, name in kinds.items()
+            if np.any(getattr(unresolved, name) > _UNRESOLVED * getattr(stories, name))
+        ]
+        if hidden:
+            notes.append(
+                f"the step is too long for the fastest modes: between the steps, peak {', '.join(hidden)} may be "
+                "larger than those given; use a smaller step"
+            )
+        # Drifts at the end that are not residual ones; under forces on floors there is no rest.
         i = int(np.argmax(moving))
-        if self.record is None or self.model.excitation.forces or moving[i] <= _MOVING * np.max(stories.peak_drift):
-            return ()
-        length, size = self.model.output_units.unit("m")
-        by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
-        return (
-            f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
-            "either side: residual drifts are those of the last moment; --until-rest goes on until it is at rest",
-        )
+        still = moving[i] <= _MOVING * np.max(stories.peak_drift)
+        if record and not (ended or self.model.excitation.forces or still):
+            length, size = self.model.output_units.unit("m")
+            by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
+            notes.append(
+                f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
+                "either side: residual drifts are those of the last moment; --until-rest goes on until it is at rest"
+            )
+        return tuple(notes)
 
     def _stiffening_note(self) -> tuple[str, ...]:
         if not self.method.family.limited_by_stiffening:
@@ -596,34 +609,6 @@ def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     return np.asarray((marched.ends[:, CODE] < 0) | collapsed | made)
 
 
-def _imbalance(energy: Energy) -> tuple[str, ...]:
-    """A warning about a motion that a method has given or taken energy."""
-    if abs(energy.error) <= _LARGE_IMBALANCE:
-        return ()
-    change = "lost to" if energy.error > 0.0 else "made by"
-    return (
-        f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
-        "method: use a smaller step or another method",
-    )
-
-
-def _unresolved_note(stories: StoryPeaks, unresolved: StoryErrors) -> tuple[str, ...]:
-    """Which peaks the step is too long to tell."""
-    kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
-    kinds["accelerations"] = "peak_acceleration"
-    words = [
-        words
-        for words, name in kinds.items()
-        if np.any(getattr(unresolved, name) > _UNRESOLVED * getattr(stories, name))
-    ]
-    if not words:
-        return ()
-    return (
-        f"the step is too long for the fastest modes: between the steps, peak {', '.join(words)} may be larger than "
-        "those given; use a smaller step",
-    )
-
-
 def _runaway_story(space: Workspace) -> int:
     """The story with the largest drift, from 1; the first one that is no number before all others."""
     u = space.state[at.DISPLACEMENT, :-1]
@@ -631,13 +616,6 @@ def _runaway_story(space: Workspace) -> int:
     if not finite.all():
         return int(np.argmin(finite)) + 1
     return int(np.argmax(np.abs(np.diff(u, prepend=0.0)))) + 1
-
-
-def _kinetic(building: Building, space: Workspace) -> float | None:
-    """Kinetic energy of the present motion relative to the ground, J; None if it is no finite number."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        energy = float(0.5 * np.sum(building.mass * space.state[at.VELOCITY, :-1] ** 2))
-    return energy if math.isfinite(energy) else None
 
 
 REST_PERIODS = 100.0

@@ -4,7 +4,6 @@ the values of many runs, of which columns are made."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
@@ -145,21 +144,19 @@ class Demands(Generic[Found]):
     ]
 
 
-DECLARED: tuple[Demand, ...] = tuple(one for one in quantities(Demands) if isinstance(one, Demand))
+DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if isinstance(demand, Demand))
 """The demands of `Demands`."""
 
 
-def _further() -> Iterator[Demand]:
-    """The largest of what stories have and no demand above is made of."""
-    for quantity in STORY:
-        if "summary" in quantity.shown:
-            yield Demand(
-                quantity.unit, f"{quantity.meaning}; of all stories", called=quantity.called, name=quantity.name
-            )
-
-
-DEMANDS: tuple[Demand, ...] = (*DECLARED, *_further())
-"""What a summary tells of a run, in its order."""
+DEMANDS: tuple[Demand, ...] = (
+    *DECLARED,
+    *(
+        Demand(quantity.unit, f"{quantity.meaning}; of all stories", called=quantity.called, name=quantity.name)
+        for quantity in STORY
+        if "summary" in quantity.shown
+    ),
+)
+"""What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
 
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:

@@ -97,7 +97,14 @@ def overview(source: str | Path) -> Overview:
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
-    period, warnings = 2.0 * math.pi / omega, doubts(model, building, _pga(model))
+    # The ground motion that it names, processed and scaled; standard input is not read for a look.
+    pga, source_of_record = math.nan, model.excitation.record
+    if source_of_record is not None and source_of_record.file != "-":
+        from tdint.analysis.run.run import model_record
+
+        record = model_record(model)
+        pga = record.pga if record else math.nan
+    period, warnings = 2.0 * math.pi / omega, doubts(model, building, pga)
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 
 
@@ -125,17 +132,6 @@ def modes(model: AnyModel) -> Modes:
 
 
 _RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
-
-
-def _pga(model: Model) -> float:
-    """Of the ground motion that the model names, processed and scaled, m/s^2; nan of none and of standard input."""
-    source = model.excitation.record
-    if source is None or source.file == "-":
-        return math.nan
-    from tdint.analysis.run.run import model_record
-
-    record = model_record(model)
-    return record.pga if record else math.nan
 
 
 def _there(text: str, folder: Path) -> None:

@@ -231,6 +231,7 @@ class PreparedBuilding:
         kept = self._coefficients.get(key)
         if kept is None:
             kept = integrator.coefficients(self.building, self.forces, h)
+            # The oldest goes first: a search for a step asks for few of them again.
             while len(self._coefficients) >= _KEPT:
                 self._coefficients.pop(next(iter(self._coefficients)), None)
             self._coefficients[key] = kept
@@ -287,6 +288,7 @@ class PreparedBuilding:
             obtain([(march_in_strides, self.variant)])
             space.choice = np.zeros(DRIFTS + self.building.stories)
             space.choice[FASTEST] = self.building.fastest * steps.h / _RESOLVED
+            # Strides are limited by the fastest mode, and by what a stride may miss of the drifts.
             space.choice[ALLOWED], space.choice[PERIOD] = steps.bound.allowed, self.period
             space.choice[DRIFTS:] = steps.bound.drifts
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
@@ -309,6 +311,7 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
+        # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
         rows = max(2, _PIECE_BYTES // (8 * history_width(self.building, integrator)))
         space = self._ready(integrator, steps.h, 0, math.inf)
         motion = np.zeros(1) if ground is None else ground
@@ -438,6 +441,7 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """The compiled loop over some of the runs with all its arrays: takes those, where to leave what, and a rest."""
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
+        # A run begins in the arrays as they are now: copies of state and springs are its start.
         before = *(kernel.variant(self.variant) for kernel in called), HALVINGS if integrator.family.halvable else 0, h
         building = self.building
         behind = (
@@ -455,6 +459,7 @@ class PreparedBuilding:
             space.history,
         )
 
+        # The loop over the runs is compiled, too: its arguments are put together once for all.
         def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = _NO_REST) -> None:
             table = [(*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride) for lane in lanes]
             many.compiled(
@@ -497,6 +502,7 @@ class PreparedBuilding:
         """
         rows = max(steps.count for _, _, steps in motions) // every + 1
         space = self._ready(integrator, h, rows, collapse_drift)
+        # What a run changes is put back before the next one.
         begun = [(array, array.copy()) for array in (*space.memory, space.watch, space.peaks, space.totals)]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
@@ -507,6 +513,7 @@ class PreparedBuilding:
                 array[...] = first
             np.multiply(acceleration, scale, out=ground[: len(acceleration)])
             ground[len(acceleration) :] = 0.0
+            # In one piece: a run of many is short, and no other thread waits for Python meanwhile.
             code = go(steps, 0, steps.count)
             marched.peaks[r], marched.totals[r] = space.peaks, space.totals
             marched.drifts[r] = space.springs[at.DRIFT, : self.building.stories]
@@ -563,6 +570,7 @@ class PreparedBuilding:
         done, size = steps.done, max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1)
         if steps.bound:
             size *= steps.per_sample
+        # The first piece is a guess; each next one is as long as the last one's pace allows, at most doubled.
         while True:
             last = min(done + size, steps.count)
             began = time.perf_counter()

@@ -232,6 +232,7 @@ def run_case(
     """
     case = case_of(case)
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
+    # How long that takes a run without history tells; the steps of a tolerance are chosen over the whole of it.
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h

@@ -128,7 +128,7 @@ class Runs(Tabular):
         """The runs of a building by its number, and their peaks, shape (runs of it, its stories)."""
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
-        values = {one.name: getattr(self.stories, one.name)[runs, :n] for one in STORY}
+        values = {quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY}
         return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
 
     def _headline(self) -> str:
@@ -215,7 +215,7 @@ def run_many(
         A method does not integrate a building; the memory does not hold the histories.
     """
     drawn = _drawn(vary or {}, product)
-    work = _Wanted.of(models, records, method=method, dt=dt, duration=duration, check=check, vary=drawn)
+    work = _RunsRequest.of(models, records, method=method, dt=dt, duration=duration, check=check, vary=drawn)
     plan = _planned(work, scales, paired)
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
@@ -228,7 +228,8 @@ def run_many(
         raise UsageError(f"out: the table of runs is written as NAME.parquet, got {str(out)!r:.60}")
     if file:
         optional("pyarrow", "a Parquet file", "parquet")
-    found = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
+    result = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
+    # The threads share the runs in small parts, so that they end together.
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
     stop, marching = Event(), Semaphore(threads)
     done = 0
@@ -236,7 +237,7 @@ def run_many(
     def march(part: Sequence[_Run]) -> int:
         with marching:
             if not stop.is_set():
-                _march(work, found, part)
+                _march(work, result, part)
             return len(part)
 
     try:
@@ -249,8 +250,8 @@ def run_many(
         stop.set()
         for _ in range(threads):  # the parts that are under way come to their end
             marching.acquire()
-        found.failures.update(dict.fromkeys(np.flatnonzero(found.status == INTERRUPTED).tolist(), _NOT_RUN))
-    runs = replace(found, failures=dict(sorted(found.failures.items())))
+        result.failures.update(dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN))
+    runs = replace(result, failures=dict(sorted(result.failures.items())))
     if file:
         runs.to_parquet(file)
     return runs
@@ -292,7 +293,7 @@ class _Run(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _RunsRequest:
     """Buildings with their methods, ground motions, and what is asked of the steps."""
 
     subjects: tuple[Subject, ...]
@@ -314,13 +315,13 @@ class _Wanted:
         duration: float | None,
         check: bool,
         vary: dict[str, Array],
-    ) -> _Wanted:
+    ) -> _RunsRequest:
         buildings = tuple(map(model_of, _several(models, "models")))
         motions = tuple(map(record_of, _several(records, "records")))
-        if any(isinstance(one, JoinedRecord) for one in motions):
+        if any(isinstance(record, JoinedRecord) for record in motions):
             raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
-        subjects = tuple(Subject(one, method or one.analysis.method or DEFAULT_METHOD) for one in buildings)
-        methods = tuple(one.integrator.label for one in subjects)
+        subjects = tuple(Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings)
+        methods = tuple(subject.integrator.label for subject in subjects)
         return cls(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, vary)
 
     def case(self, run: _Run) -> Case:
@@ -369,17 +370,17 @@ class _Wanted:
     @cached_property
     def stories(self) -> int:
         """Of the tallest building."""
-        return max(len(one.model.stories) for one in self.subjects)
+        return max(len(subject.model.stories) for subject in self.subjects)
 
 
 def _several(given: Any, name: str) -> Sequence[Any]:
-    found = list(given) if isinstance(given, list | tuple) else [given]
-    if not found:
+    items = list(given) if isinstance(given, list | tuple) else [given]
+    if not items:
         raise UsageError(f"no {name} are given")
-    return found
+    return items
 
 
-def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> list[_Run]:
+def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool) -> list[_Run]:
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
@@ -388,6 +389,7 @@ def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> li
     if not all(math.isfinite(factor) and factor for factor in of_draws):
         raise UsageError(f"{SCALE} must be numbers other than zero")
     if paired:
+        # Each list has the common length, or one member that stands for all.
         sizes = {"models": len(work.subjects), "draws": work.draws}
         sizes |= {"records": len(work.records), "scales": len(factors)}
         count = max(sizes.values())
@@ -399,6 +401,7 @@ def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> li
         )
     else:
         places = combined(*map(range, (len(work.subjects), work.draws, len(work.records), len(factors))))
+    # Steps hang on few numbers of model and record: each combination is worked out once.
     steps: dict[tuple[Any, ...], Steps] = {}
     plan = []
     for number, (model, draw, record, scale) in enumerate(places):
@@ -424,16 +427,17 @@ def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _room(
-    work: _Wanted, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
+    work: _RunsRequest, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
 ) -> dict[str, NDArray[np.floating[Any]]]:
     """Where the histories go: arrays of the caller, or new ones."""
+    # The rows are those of the longest run, the stories those of the tallest building.
     rows = max(run.steps.count for run in plan) // every + 1
     shape = (len(plan), rows, work.stories)
     if out is None:
-        wanted, free = 8.0 * len(kept) * math.prod(shape), available_memory()
-        if wanted > free:
+        needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        if needed > free:
             raise AnalysisError(
-                f"the histories of {len(plan)} runs take {wanted / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB "
+                f"the histories of {len(plan)} runs take {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB "
                 "are free; keep fewer steps by every=, or give arrays by out= (float32, or maps of files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
@@ -442,19 +446,21 @@ def _room(
         raise UsageError(f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}")
     for name, array in given.items():
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
-            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise UsageError(f"out of {name} must be an array of floating-point numbers, shape {shape}, got {found}")
+            kind = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise UsageError(f"out of {name} must be an array of floating-point numbers, shape {shape}, got {kind}")
     return given
 
 
-def _unfilled(work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]) -> Runs:
+def _unfilled(
+    work: _RunsRequest, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]
+) -> Runs:
     """The result, whose arrays each thread fills for the runs that it has."""
     peaks, errors, corrected = (
-        {one.name: np.full((len(plan), work.stories), math.nan) for one in fields(kind)}
+        {peak.name: np.full((len(plan), work.stories), math.nan) for peak in fields(kind)}
         for kind in (StoryPeaks, StoryErrors, StoryErrors)
     )
     return Runs(
-        models=tuple(one.model for one in work.subjects),
+        models=tuple(subject.model for subject in work.subjects),
         records=work.records,
         methods=work.methods,
         model=np.array([run.model for run in plan]),
@@ -474,11 +480,12 @@ def _unfilled(work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str
     )
 
 
-def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
+def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
     """Some runs, those of one building and one step together, into the arrays of all."""
     for (model, _, alone), group in groupby(
-        part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(found.history)))
+        part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(result.history)))
     ):
+        # Where numbers vary, arrays of one building are changed from run to run; `alone` says where that cannot be.
         runs, subject = list(group), work.subjects[model]
         places = [run.number for run in runs]
         motions = Motions({run.record: work.records[run.record] for run in runs})
@@ -497,47 +504,49 @@ def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
                 motions,
                 lanes,
                 check=work.check,
-                history=bool(found.history),
-                march=partial(_march_and_keep, subject, work, found, runs) if found.history else None,
+                history=bool(result.history),
+                march=partial(_march_and_keep, subject, work, result, runs) if result.history else None,
             )
-        found.status[places] = "done"
-        _put(found.stories, places, outcomes.stories)
-        found.energy_error[places] = outcomes.energy_error
-        found.steps[places] = outcomes.steps
+        # Into the places of these runs: first all as done, then those that ended otherwise.
+        result.status[places] = "done"
+        _put(result.stories, places, outcomes.stories)
+        result.energy_error[places] = outcomes.energy_error
+        result.steps[places] = outcomes.steps
         for i, status in outcomes.status.items():
-            found.status[places[i]] = status
+            result.status[places[i]] = status
         for i, response in outcomes.responses.items():
             if response.check:
-                _put(found.errors, places[i], response.check.errors)
-                _put(found.corrected, places[i], response.check.corrected)
-            _put_history(found, places[i], response.history)
+                _put(result.errors, places[i], response.check.errors)
+                _put(result.corrected, places[i], response.check.corrected)
+            _put_history(result, places[i], response.history)
         for i, failure in outcomes.failures.items():
-            _put_history(found, places[i], None)
-            found.failures[places[i]] = str(failure)
+            _put_history(result, places[i], None)
+            result.failures[places[i]] = str(failure)
 
 
 def _put(arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None) -> None:
     """Write the values of runs where theirs are."""
     if arrays and values:
-        for one in fields(arrays):
-            of_runs = getattr(values, one.name)
-            getattr(arrays, one.name)[places, : of_runs.shape[-1]] = of_runs
+        for quantity in fields(arrays):
+            of_runs = getattr(values, quantity.name)
+            getattr(arrays, quantity.name)[places, : of_runs.shape[-1]] = of_runs
 
 
-def _put_history(found: Runs, place: int, history: History | None) -> None:
+def _put_history(result: Runs, place: int, history: History | None) -> None:
     """Write what is kept of a run that was made by itself; nan behind its end, and where it has no result."""
-    for name, kept in found.history.items():
+    for name, kept in result.history.items():
         kept[place] = math.nan
         if history:
-            rows = getattr(history, KEPT[name])[:: found.every]
+            rows = getattr(history, KEPT[name])[:: result.every]
             kept[place, : len(rows), : rows.shape[1]] = rows
 
 
-def _march_and_keep(subject: Subject, work: _Wanted, found: Runs, runs: Sequence[_Run]) -> MarchedRuns:
+def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[_Run]) -> MarchedRuns:
     """Runs of one building and one step with what is kept of their histories."""
     prepared, h = subject.prepared, runs[0].steps.h
-    time = found.every * h * np.arange(next(iter(found.history.values())).shape[1], dtype=np.float64)
-    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in found.history.items()]
+    time = result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
+    # Each history is taken over before the next run writes over it.
+    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in result.history.items()]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
 
     def see(r: int, rows: Array) -> None:
@@ -550,7 +559,7 @@ def _march_and_keep(subject: Subject, work: _Wanted, found: Runs, runs: Sequence
         subject.integrator,
         h,
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
-        every=found.every,
+        every=result.every,
         see=see,
         collapse_drift=subject.model.collapse_drift,
     )

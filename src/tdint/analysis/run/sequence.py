@@ -143,6 +143,7 @@ def run_sequence(
         until_rest=until_rest,
         equal=True,
     )
+    # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(response, shocks=shocks_of(joined, sequence, steps, check=response.check is not None))
 

@@ -132,6 +132,7 @@ def _on_the_way(case: Case, tolerance: float, duration: float | None, equal: boo
     drifts, aim = _least_drifts(case), _AIM * min(tolerance, TOLD)
     allowed = _MISSED * aim
     for runs in range(1, _TRIES + 1):
+        # The error goes with the fourth power of a stride: so does its largest length with what may be missed.
         longest = math.log2(_LONGEST * case.prepared.period * allowed**0.25 / units.h)
         steps = replace(
             units, stride=2 ** max(math.floor(longest), _MOST_HALVINGS), bound=Bound(allowed, drifts), end=asked.end
@@ -143,6 +144,7 @@ def _on_the_way(case: Case, tolerance: float, duration: float | None, equal: boo
         if error is not None and error <= aim and not doubt(response, case.building):
             choice = StepChoice(tolerance, runs, samples=None, solves_at_record=None)
             return replace(response, check=replace(response.check, choice=choice))
+        # Again with what would have met the aim, for the error goes with what a stride may miss.
         allowed *= max(_AIM * aim / error, 0.01) if error is not None and error > aim else _AGAIN
     return "the steps are equal, for those chosen on the way did not come within the tolerance"
 
@@ -251,12 +253,27 @@ class _Search:
         for level in range(begin, last + 1):
             if self.within(level):
                 return level
-        reached = self.checked(last)
-        raise reached if isinstance(reached, FailedRun) else _not_reached(self.case, reached, self.tolerance)
+        response = self.checked(last)
+        if isinstance(response, FailedRun):
+            raise response
+        check, label = response.check, self.case.method.label
+        assert check is not None
+        reached = "no error could be estimated"
+        if check.drift_error is not None:
+            reached = (
+                f"the estimated error of the peak drift of story {check.drift_story} is still "
+                f"{100.0 * check.drift_error:.2g} %"
+            )
+        message = (
+            f"{label} does not come within {100.0 * self.tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
+            "allow a larger tolerance or use a method of higher order, such as impulse4"
+        )
+        raise FailedRun(message, "not-within-tolerance", label, response.dt, story=check.drift_story)
 
     def coarser(self, power: float) -> int:
         """Go on to larger steps, up to 2^power sampling intervals, while they are within the tolerance. The level."""
         while self.power + 1 <= power:
+            # Runs that the coarser search has in common with this one are not made again.
             other = _Search(self.case, self.tolerance, self.asked, self.power + 1)
             if other.steps(1) == self.steps(0):
                 other.runs = {level + 1: run for level, run in self.runs.items()}
@@ -288,19 +305,3 @@ class _Search:
         )
         assert kept.check is not None
         return replace(kept, check=replace(kept.check, choice=choice))
-
-
-def _not_reached(case: Case, response: Response, tolerance: float) -> FailedRun:
-    check = response.check
-    assert check is not None
-    reached = "no error could be estimated"
-    if check.drift_error is not None:
-        reached = (
-            f"the estimated error of the peak drift of story {check.drift_story} is still "
-            f"{100.0 * check.drift_error:.2g} %"
-        )
-    message = (
-        f"{case.method.label} does not come within {100.0 * tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
-        "allow a larger tolerance or use a method of higher order, such as impulse4"
-    )
-    return FailedRun(message, "not-within-tolerance", case.method.label, response.dt, story=check.drift_story)

@@ -92,7 +92,10 @@ def workspace(
     family = integrator.family
     flags = np.zeros(at.FLAGS_SIZE)
     flags[at.LINEAR] = building.linear
-    flags[at.BRANCHES] = _branches(building)
+    # With dashpots of powers no step is linear branch by branch.
+    flags[at.BRANCHES] = at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
+    if building.piecewise_linear and not building.power_damped:
+        flags[at.BRANCHES] = at.ALL_BRANCHES
     flags[at.POWER_DAMPERS] = building.power_damped
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
@@ -107,6 +110,11 @@ def workspace(
                 f"a history of {rows} rows takes {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take "
                 "fewer steps, or write the history to a file, which takes it in pieces"
             )
+    # What a story's row INTERNAL is once it has failed: nan of laws that do not fail.
+    failed = np.full(max(CODES.values()) + 1, math.nan)
+    for name, code in CODES.items():
+        failed[code] = LAWS[name].failed
+    failed = failed[building.law_parameters[at.CODE, :-1].astype(int)]
     totals = np.zeros(at.TOTALS_SIZE)
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
@@ -117,7 +125,7 @@ def workspace(
         report=np.zeros(at.REPORT_SIZE),
         watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
-        limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
+        limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
         totals=totals,
         history=np.zeros((rows, width)),
     )
@@ -136,20 +144,6 @@ def doubled_laws(building: Building, integrator: Integrator) -> Array:
         if integrator.family.carries_error
         else building.law_parameters
     )
-
-
-def _failed(building: Building) -> Array:
-    """What row INTERNAL is in the stories that have failed."""
-    failed = np.full(max(CODES.values()) + 1, math.nan)
-    for name, code in CODES.items():
-        failed[code] = LAWS[name].failed
-    return np.asarray(failed[building.law_parameters[at.CODE, :-1].astype(int)])
-
-
-def _branches(building: Building) -> int:
-    if building.piecewise_linear and not building.power_damped:
-        return at.ALL_BRANCHES
-    return at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
@@ -222,28 +216,22 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     space = workspace(building, integrator)
     scene = Scene(building.linear_terms, building.modal, building.law_parameters, forces, space.flags)
     result = np.empty((k, len(memory), len(memory)))
+    state, springs, stiffness = space.state, space.springs, building.initial_stiffness
     for column, row in enumerate(memory):
-        space.state[:] = 0.0
-        space.state[row, :k] = 1.0
-        _settle(building, space.state, space.springs, at.ACCELERATION in memory)
+        state[:], springs[:] = 0.0, 0.0
+        state[row, :k] = 1.0
+        # Committed springs, and the acceleration of equilibrium where the method does not carry its own.
+        u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
+        springs[at.DRIFT, :-1], springs[at.FORCE, :-1], springs[at.SLOPE, :-1] = u, stiffness * u, stiffness
+        springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
+        if at.ACCELERATION not in memory:
+            state[at.ACCELERATION, :-1] = -stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
         space.report[at.STEPS_DONE] = _SETTLED
         code = step(coefficients, *scene, h, np.zeros(at.LOAD_SIZE), *space.memory)
         if code < 0:
             raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
-        result[:, :, column] = space.state[list(memory), :k].T
+        result[:, :, column] = state[list(memory), :k].T
     return result
-
-
-def _settle(building: Building, state: Array, springs: Array, carries_acceleration: bool) -> None:
-    """Committed springs, and the acceleration of equilibrium where the method does not carry its own."""
-    u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
-    springs[:] = 0.0
-    springs[at.DRIFT, :-1] = u
-    springs[at.FORCE, :-1] = building.initial_stiffness * u
-    springs[at.SLOPE, :-1] = building.initial_stiffness
-    springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
-    if not carries_acceleration:
-        state[at.ACCELERATION, :-1] = -building.initial_stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
@@ -297,6 +285,7 @@ def largest_stable(stable: Callable[[float], bool], h: float, parts: int = 200) 
             high = candidate
             break
         low = candidate
+    # 2^-40 of a 200th of h: beyond what a step is ever written with.
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)
@@ -375,12 +364,18 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt), end=duration)
+    # A part of the sampling interval, or a multiple of it, but for rounding: the record's own number is taken.
     for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
         whole = round(ratio)
         if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
             h = record_dt / whole if per_sample else record_dt * whole
             return Steps(h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration)
-    below, above = _neighbours(dt, record_dt)
+    # The next larger and the next smaller step that would fit.
+    whole = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
+    if dt > record_dt:
+        below, above = record_dt * whole, record_dt * (whole + 1)
+    else:
+        below, above = record_dt / (whole + 1), record_dt / whole
     raise UsageError(
         f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: "
         f"the nearest steps are {below:.12g} and {above:.12g} s"
@@ -395,14 +390,6 @@ def _count(duration: float, h: float) -> int:
             "use a longer dt or a shorter duration"
         )
     return max(1, math.ceil(count))
-
-
-def _neighbours(dt: float, record_dt: float) -> tuple[float, float]:
-    if dt > record_dt:
-        whole = math.floor(dt / record_dt)
-        return record_dt * whole, record_dt * (whole + 1)
-    whole = math.floor(record_dt / dt)
-    return record_dt / (whole + 1), record_dt / whole
 
 
 def finer(steps: Steps) -> Steps:

@@ -262,7 +262,11 @@ def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float
     parts = [max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas]
     steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
     ends = np.cumsum([omega.size for omega in omegas])[:-1]
-    tables = np.split(_mode_table(np.concatenate(omegas), np.concatenate(steps), damping), ends, axis=1)
+    # The kernel's table of modes: those of all buildings are computed at once.
+    omega = np.concatenate(omegas)
+    all_modes = recursion_table(omega, np.concatenate(steps), damping, more=2)
+    all_modes[drifts.OMEGA], all_modes[drifts.DAMPING] = omega, damping
+    tables = np.split(all_modes, ends, axis=1)
     ground = record.acceleration.copy()
     results = np.empty((len(buildings), drifts.RESULTS))
     for building, p, table, result in zip(buildings, parts, tables, results, strict=True):
@@ -278,14 +282,6 @@ def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float
             *drifts.scratch(ground.size, p, table.shape[1] + padding, building.shapes.shape[1]),
         )
     return results
-
-
-def _mode_table(omega: Array, h: Array, damping: float) -> Array:
-    """Columns of the kernel's table of modes, for the steps h, shape (modes,)."""
-    table = recursion_table(omega, h, damping, more=2)
-    table[drifts.OMEGA] = omega
-    table[drifts.DAMPING] = damping
-    return table
 
 
 def parse_height_period(text: str) -> HeightPeriod:

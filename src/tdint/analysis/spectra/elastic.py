@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
@@ -155,7 +156,9 @@ def groups(
     oscillators march together.
     """
     parts = maxima.parts(omega, dt)
-    table = _table(omega, damping, dt / parts)
+    table = recursion_table(omega, dt / parts, damping, more=2)
+    table[spectra.BY_DISPLACEMENT] = omega**2
+    table[spectra.BY_VELOCITY] = 2.0 * damping * omega
     for count in np.unique(parts).tolist():
         chosen = np.flatnonzero(parts == count)
         columns = np.append(chosen, np.full(-chosen.size % lanes(chosen.size), chosen[-1]))
@@ -166,14 +169,6 @@ def _lanes(count: int) -> int:
     """How many of `count` oscillators march together: whole registers, in equal groups."""
     alike = -(-count // _LANES)
     return -(-count // (alike * _REGISTER)) * _REGISTER
-
-
-def _table(omega: Array, damping: float, h: Array) -> Array:
-    """The kernel's table of oscillators for steps h (s), shape (COEFFICIENTS, k)."""
-    table = recursion_table(omega, h, damping, more=2)
-    table[spectra.BY_DISPLACEMENT] = omega**2
-    table[spectra.BY_VELOCITY] = 2.0 * damping * omega
-    return table
 
 
 # ---- Elastic
@@ -271,9 +266,15 @@ def spectrum(
     label = settings.method or "exact"
     if np.any(positive):
         check_shortest(periods, record.dt, SHORTEST, OR_ZERO)
-        label, values[:, positive] = _largest(record, omega[positive], damping, settings)
+        oscillating = omega[positive]
+        if settings.method is not None:
+            label, values[:, positive] = _integrated(record, oscillating, damping, settings.method)
+        else:
+            ground, dt = settings.interpolation.resample(record, 2.0 * math.pi / float(np.max(oscillating)))
+            values[:, positive] = largest(ground, dt, oscillating, damping, settings.maxima)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
+    # A rigid oscillator goes with the ground.
     if not np.all(positive):
         psa[~positive] = sa[~positive] = settings.interpolation.peak(record)
     return Spectrum(
@@ -341,6 +342,7 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
     if period == 0.0:
         raise UsageError("the period of an oscillator must be positive")
     omega = 2.0 * math.pi / period
+    # Python's floats: a loop over numbers of numpy takes several times as long.
     table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
     a11, a12, b10, b11, a21, a22, b20, b21 = (table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21))
     ground = record.acceleration.tolist()
@@ -402,14 +404,6 @@ def _named(table: dict[str, Choice], name: str, quantity: str) -> Choice:
     return table[name]
 
 
-def _largest(record: Record, omega: Array, damping: float, settings: SpectrumSettings) -> tuple[str, Array]:
-    """The method's label and the largest values, shape (3, k)."""
-    if settings.method is not None:
-        return _integrated(record, omega, damping, settings.method)
-    ground, dt = settings.interpolation.resample(record, 2.0 * math.pi / float(np.max(omega)))
-    return "exact", largest(ground, dt, omega, damping, settings.maxima)
-
-
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
     """Largest values, all oscillators integrated side by side by a method of the catalogue."""
     # Late: they load every method, and most spectra need none.
@@ -420,6 +414,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
 
     integrator = _parse(method)
     ratios = np.full_like(omega, damping)
+    # Asked for before: an unstable oscillator would end the march of all of them.
     instability = find_instability(integrator, omega, ratios, record.dt)
     if instability is not None:
         raise AnalysisError(
@@ -462,12 +457,8 @@ class FirstMode:
 def first_mode(building: Building, record: Record | None) -> FirstMode:
     """The first mode, and Sa(T1) of a record."""
     omega, damping = building.first_mode()
-    period = 2.0 * math.pi / omega
-    return FirstMode(period, damping, None if record is None else _sa(record, period))
-
-
-def _sa(record: Record, period: float) -> float | None:
-    try:
-        return float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
-    except AnalysisError:
-        return None
+    period, sa = 2.0 * math.pi / omega, None
+    if record is not None:
+        with suppress(AnalysisError):  # of a period that is too short
+            sa = float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
+    return FirstMode(period, damping, sa)

@@ -79,19 +79,12 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     frequencies: Array = np.arange(1, size // 2 + 1) / (size * record.dt)
     if smoothing is None:
         return FourierSpectrum(record, math.nan, frequencies, amplitude)
-    wanted = np.unique(np.rint(np.geomspace(1, frequencies.size, _FREQUENCIES)).astype(int)) - 1
-    return FourierSpectrum(record, smoothing, frequencies[wanted], _smoothed(frequencies, amplitude, wanted, smoothing))
-
-
-def _smoothed(frequencies: Array, amplitude: Array, wanted: Array, bandwidth: float) -> Array:
-    """Amplitudes averaged around the wanted places, shape (wanted,).
-
-    ObsPy's smoothing has the same window, not normalized by default, but makes it for each frequency of the transform:
-    so many times more than are asked for, or a matrix of their square.
-    """
-    logarithms = bandwidth * np.log10(frequencies)
-    smooth = np.empty(wanted.size)
-    for i, place in enumerate(wanted):
-        weights = np.sinc((logarithms - logarithms[place]) / math.pi) ** 4
+    # ObsPy's smoothing has the same window, not normalized by default, but makes it for each frequency of the
+    # transform: so many times more than are asked for, or a matrix of their square.
+    centers = np.unique(np.rint(np.geomspace(1, frequencies.size, _FREQUENCIES)).astype(int)) - 1
+    logarithms = smoothing * np.log10(frequencies)
+    smooth = np.empty(centers.size)
+    for i, center in enumerate(centers):
+        weights = np.sinc((logarithms - logarithms[center]) / math.pi) ** 4
         smooth[i] = weights @ amplitude / np.sum(weights)
-    return smooth
+    return FourierSpectrum(record, smoothing, frequencies[centers], smooth)

@@ -113,7 +113,10 @@ def rotated_spectrum(
             motion, omega, damping, settings.maxima, settings.interpolation
         )
     if not np.all(positive):
-        psa[~positive] = _peaks(motion, settings.interpolation)
+        # A rigid oscillator has the peak ground acceleration in each direction.
+        first, second = motion.first.acceleration, motion.second.acceleration
+        rotated = (replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T)
+        psa[~positive] = [settings.interpolation.peak(record) for record in rotated]
     return RotatedSpectrum(
         motion=motion,
         damping=damping,
@@ -143,13 +146,6 @@ def _displacements(
         )
         result[chosen] = peaks
     return result
-
-
-def _peaks(motion: Horizontals, interpolation: Interpolation) -> Array:
-    """Peak ground acceleration in each direction, m/s^2, shape (ANGLES,)."""
-    first, second = motion.first.acceleration, motion.second.acceleration
-    rotated = (replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T)
-    return np.array([interpolation.peak(record) for record in rotated])
 
 
 def _directions() -> Array:

@@ -160,7 +160,7 @@ EXAMPLES = {
 }
 
 
-_PERIOD = ("t", "period", "periods")
+_PERIODS = ("t", "period", "periods")
 _VALUE = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
 _NEEDS = (
     "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design spectrum by name, such "
@@ -267,9 +267,13 @@ def read_target(source: str) -> TargetSpectrum:
 
 def _read_points(source: str) -> TargetSpectrum:
     table = read_table(source, _NEEDS)
-    period = next((name for name in table.header if _is_period(name)), "period_s")
-    # The column of accelerations, and its factor to m/s^2; pseudo-accelerations before others.
-    values = [name for name in table.header if _is_acceleration(name)]
+    # The columns of periods and of accelerations with their units; pseudo-accelerations before others.
+    columns = [(name, *name_and_units(name)) for name in table.header]
+    in_seconds = (name for name, quantity, unit in columns if quantity in _PERIODS and unit in ("", "s", "sec"))
+    period = next(in_seconds, "period_s")
+    values = [
+        name for name, quantity, unit in columns if _VALUE.fullmatch(quantity) and canonical(unit) in ACCELERATION
+    ]
     values = [name for name in values if "psa" in name] or values
     if not values:
         raise ModelError(
@@ -294,16 +298,6 @@ def _read_points(source: str) -> TargetSpectrum:
     return TargetSpectrum(source, periods[positive], psa[positive], zero)
 
 
-def _is_period(name: str) -> bool:
-    quantity, unit = name_and_units(name)
-    return quantity in _PERIOD and unit in ("", "s", "sec")
-
-
-def _is_acceleration(name: str) -> bool:
-    quantity, unit = name_and_units(name)
-    return bool(_VALUE.fullmatch(quantity)) and canonical(unit) in ACCELERATION
-
-
 # ---- A published spectrum, and how far a computed one is from it
 
 QUANTITIES = {
@@ -315,7 +309,6 @@ QUANTITIES = {
 }
 """By its name in a table and in `Spectrum`, the quantity that a value's units must be of, and our column of it."""
 
-_PERIODS = ("t", "period", "periods")
 _SAME = 1e-6
 """Relative difference up to which two periods, or damping ratios, are one: what is printed is rounded."""
 
@@ -351,6 +344,7 @@ class PublishedSpectrum:
         UsageError
             A period that the file does not have, or beyond those that it has.
         """
+        # Printed periods are the file's own where they differ by no more than rounding.
         near = np.abs(self.periods[:, None] - periods) <= _SAME * periods
         if np.all(near.any(axis=0)):
             exact: Array = self.values[near.argmax(axis=0)]
@@ -446,9 +440,17 @@ def read_published(source: str | Path, damping: float, column: str | None = None
         There are several columns of values, and none is named.
     """
     table = read_named_table(source)
-    place, factor = _period_column(table)
+    columns = [name_and_units(text) for text in table.names]
+    place = next((place for place, (name, _) in enumerate(columns) if name in _PERIODS), None)
+    if place is None:
+        listed = ", ".join(table.names)[:200]
+        raise RecordError(f"{table.source}: has no column of periods (period_s); there are {listed}")
+    text, units = table.names[place], columns[place][1]
+    if units not in SECONDS:
+        raise RecordError(f"{table.source}: the name of the column {text!r} must say its unit, such as period_s")
     quantity, values = _values(table, column)
-    periods = factor * table.numbers(place)
+    periods = SECONDS[units] * table.numbers(place)
+    # The rows of the damping ratio, by rising periods.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.place("damping"))
@@ -470,19 +472,6 @@ def differences(spectra: Sequence[Spectrum], published: PublishedSpectrum, log_l
     return [SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log)) for spectrum in spectra]
 
 
-def _period_column(table: NamedTable) -> tuple[int, float]:
-    """Its place, and the factor to seconds."""
-    for place, text in enumerate(table.names):
-        name, units = name_and_units(text)
-        if name in _PERIODS:
-            if units not in SECONDS:
-                raise RecordError(
-                    f"{table.source}: the name of the column {text!r} must say its unit, such as period_s"
-                )
-            return place, SECONDS[units]
-    raise RecordError(f"{table.source}: has no column of periods (period_s); there are {', '.join(table.names)[:200]}")
-
-
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
     """Quantity and values (SI units) of the column."""
     columns = {text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES}
@@ -499,6 +488,7 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: psa_g); there are "
             f"{', '.join(table.names)[:200]}"
         )
+    # The units end the column's name, and must be those of its quantity.
     chosen = column if column is not None else next(iter(columns))
     name, text = columns[chosen]
     try:

@@ -169,38 +169,36 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     """
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
-    table = read_table(_file(source, request.fit), NEEDS)
+    # Of a folder the table that goes with the fit: what a study has found before its runs, but for stripes.
+    folder, file = Path(source), source
+    if source != "-" and is_folder(folder):
+        has_ida = request.fit == CLOUD and (folder / "ida.csv").is_file()
+        names = ["runs.csv"] if request.fit == STRIPES else ["ida.csv"] if has_ida else ["capacities.csv", "runs.csv"]
+        path = next((folder / name for name in names if (folder / name).is_file()), None)
+        if path is None:
+            raise ModelError(
+                f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint campaign write them"
+            )
+        file = str(path)
+    table = read_table(file, NEEDS)
     table = with_measures(table) if request.measure else table
     # The kind of a table by its columns; the fit decides where they are those of several.
     kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
     if not kinds:
         raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
+    # What is asked for decides among kinds that the columns allow; nothing is guessed between two.
     suited = [kind for kind in kinds if request.fit in (None, *kind.fits)]
     if not suited:
-        names = " or ".join(dict.fromkeys(one for kind in kinds for one in kind.fits))
-        raise UsageError(f"{table.source}: this table is for --fit {names}, not {request.fit}")
+        possible = " or ".join(dict.fromkeys(fit for kind in kinds for fit in kind.fits))
+        raise UsageError(f"{table.source}: this table is for --fit {possible}, not {request.fit}")
     if len(suited) > 1:
         both = " and of ".join(",".join(kind.columns) for kind in suited)
         fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
         raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
+    # The dispersion of the model is not fitted: each function takes it along.
     result = suited[0].fit(table, request)
-    functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
+    functions = [replace(function, beta_model=request.beta_model) for function in result.functions]
     return replace(result, functions=tuple(functions))
-
-
-def _file(source: str, fit: str | None) -> str:
-    folder = Path(source)
-    if source == "-" or not is_folder(folder):
-        return source
-    names = ["ida.csv"] if fit == CLOUD and (folder / "ida.csv").is_file() else ["capacities.csv", "runs.csv"]
-    if fit == STRIPES:
-        names = ["runs.csv"]
-    path = next((folder / name for name in names if (folder / name).is_file()), None)
-    if path is None:
-        raise ModelError(
-            f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint campaign write them"
-        )
-    return str(path)
 
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -211,6 +209,7 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         table.check(name, counts == np.floor(counts), "must be a whole number")
     table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
 
+    # The counts go along with the function, for pictures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
         levels, all_runs = im[chosen], total[chosen]
         function = fit_stripes(levels, hits[chosen], all_runs)
@@ -221,37 +220,29 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
+    # A row without a capacity tells nothing, not even that the building stood: it is left out and told.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     finite = np.isfinite(capacity)
-    functions = [
-        _of_state(damage, function)
-        for damage, rows in _states(table)
-        for function in _by_threshold(table, request, partial(_of_capacities, capacity, censored, finite & rows))
-    ]
+    # Of each state of the building before, if the table tells such states, a fit of its own rows.
+    states = [(math.nan, finite)]
+    if table.has("damage"):
+        damage = np.array(table.numbers("damage"))
+        states = [(value, finite & (damage == value)) for value in np.unique(damage).tolist()]
+    functions: list[Fragility | AnalysisError] = []
+    for state, rows in states:
+
+        def fit(chosen: NDArray[np.bool_], rows: NDArray[np.bool_] = rows) -> Fragility:
+            return fit_capacities(capacity[chosen & rows], censored[chosen & rows].tolist())
+
+        for function in _by_threshold(table, request, fit):
+            if isinstance(function, Fragility):
+                functions.append(replace(function, damage=state))
+            else:
+                functions.append(function if math.isnan(state) else AnalysisError(f"damage {state:g}: {function}"))
     without = int(np.sum(~finite))
     warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (without > 0)
     return FragilityResult.of(functions, *warnings)
-
-
-def _of_capacities(
-    capacity: Array, censored: NDArray[np.bool_], finite: NDArray[np.bool_], chosen: NDArray[np.bool_]
-) -> Fragility:
-    return fit_capacities(capacity[chosen & finite], censored[chosen & finite].tolist())
-
-
-def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
-    """The states of the building before, and their rows: all rows where the table tells none."""
-    if not table.has("damage"):
-        return [(math.nan, np.ones(len(table.rows), bool))]
-    damage = np.array(table.numbers("damage"))
-    return [(value, damage == value) for value in np.unique(damage).tolist()]
-
-
-def _of_state(damage: float, function: Fragility | AnalysisError) -> Fragility | AnalysisError:
-    if isinstance(function, Fragility):
-        return replace(function, damage=damage)
-    return function if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {function}")
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -261,10 +252,12 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing nor as collapse."""
+    # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such levels.
     runs = _runs_of(table, request)
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
+    # A cloud's runs have intensities of their own: each would be a stripe of one.
     if fit == STRIPES and not in_stripes:
         raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
@@ -307,9 +300,21 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         raise ModelError(f"{error}, or of a campaign's folder fit functions of each with --by building") from None
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    column, name, unit = _intensity(table, request)
+
+    # Where no measure is asked for, the intensity of the table itself, or else Sa(T1).
+    if request.measure is None and table.has("im"):
+        column, name, unit = "im", table.only("im_name"), table.only("unit")
+    else:
+        measure = measure_named(request.measure or "sa")
+        name = measure.label(period_beside(table))
+        if request.measure is None and not any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION):
+            column, unit = f"{measure.column}{suffix('m/s^2')}", "m/s^2"  # which the table is then said to lack
+        else:
+            column, unit = column_of(table, measure.column)
     im = np.array(table.numbers(column, empty=True))
     im = im if column == "im" else of_pairs(table, im)
+
+    # A run without an intensity is none; one without a drift ratio has no result.
     motion = motions_of(table)
     collapsed = np.isin(status, FALLEN)
     positive = im > 0.0
@@ -326,18 +331,6 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
 
 
-def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
-    """The column of the runs' intensity, what the intensity is called, and its unit."""
-    if request.measure is None and table.has("im"):
-        return "im", table.only("im_name"), table.only("unit")
-    measure = measure_named(request.measure or "sa")
-    label = measure.label(period_beside(table))
-    if request.measure is None and not any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION):
-        return f"{measure.column}{suffix('m/s^2')}", label, "m/s^2"  # which the table is then said to lack
-    column, unit = column_of(table, measure.column)
-    return column, label, unit
-
-
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     """The fit of the runs that have a result; of the others, if there are any, what they may change."""
     over = runs.collapsed | (runs.drift > threshold)
@@ -345,9 +338,11 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     of = runs.result
     function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
     lost = int(np.sum(runs.failed))
+    # Nothing is known of runs that failed: at most all of them exceed, at least none.
     if not lost:
         return function
     every = np.ones_like(runs.result)
+    # With all counted in a fit may be impossible; then that bound is not known.
     bounds: list[Fragility | None] = []
     for counted in ((over & runs.result) | runs.failed, over & runs.result):
         try:
@@ -359,6 +354,7 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
 
 def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
     places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
+    # A level's intensities differ by rounding: their geometric mean stands for all.
     middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
     return fit_stripes(middle, [int(np.sum(over[place])) for place in places], [int(np.sum(place)) for place in places])
 
@@ -373,6 +369,7 @@ def _cloud(
     motion: NDArray[np.intp] | None = None,
 ) -> FragilityResult:
     _check_thresholds(table, request)
+    # Below the range that is asked for demands say nothing of damage, above it only that they are above.
     low, high = request.edp_range
     kept = edp >= low
     # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
@@ -384,6 +381,7 @@ def _cloud(
         functions = fit_cloud(im[kept], np.minimum(edp, high)[kept], request.thresholds, censored)
     except AnalysisError as error:
         return FragilityResult((), (error,))
+    # Counts stand beside it of the runs that are known to be on one side of the threshold.
     counted = [
         function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
         for function, of, over in zip(functions, told, beyond, strict=True)
@@ -396,11 +394,13 @@ def _by_threshold(
 ) -> list[Fragility | AnalysisError]:
     """A fit for each threshold of the table that is asked for; of all rows where it has no thresholds."""
     names = (table.only("im_name"), table.only("unit"))
+    # Without the column all rows are of one threshold, whatever it is.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(f"{table.source}: has no column threshold: one --threshold at most, the one it is for")
         every = np.ones(len(table.rows), bool)
         return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
+    # Thresholds went through a text: they are compared but for rounding.
     thresholds = np.array(table.numbers("threshold", empty=True))
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not there:
@@ -507,11 +507,19 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     OutputError
         The store cannot be read.
     """
+    # States of the campaign are told apart by type; a threshold is one for all buildings.
     if request.thresholds and by == TYPE:
         raise UsageError("functions by type are of the damage states of the campaign: leave --threshold out")
     if request.fit == IDA:
         raise UsageError(f"functions by {by} are fitted to runs: --fit stripes or cloud")
-    measure, of_all = measure_named(request.measure or "sa"), _of_thresholds(request)
+    measure = measure_named(request.measure or "sa")
+    # Thresholds of the largest drift ratio are states of all buildings.
+    medians = tuple(sorted(request.thresholds))
+    names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
+    if medians and len(names) != len(medians):
+        raise UsageError(f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}")
+    of_all = DamageStates("drift_ratio", names, medians) if medians else None
+    # The store is read once, building by building; fits follow when it is closed.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or of_all):
@@ -520,6 +528,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
         intensities = RunIntensities(store, folder, measure)
         of_types = type_runs(store, intensities, measure, by=by, states=of_all)
+    # What cannot be fitted says of which type and state, and stops no other.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
         if isinstance(function, AnalysisError)
@@ -531,15 +540,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)
-
-
-def _of_thresholds(request: FragilityRequest) -> DamageStates | None:
-    """The states that thresholds of the largest drift ratio are; None without any."""
-    medians = tuple(sorted(request.thresholds))
-    names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
-    if medians and len(names) != len(medians):
-        raise UsageError(f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}")
-    return DamageStates("drift_ratio", names, medians) if medians else None
 
 
 def type_runs(
@@ -604,18 +604,32 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     """The function of each state, or why there is none."""
     if not runs.im.size:
         return [AnalysisError("no run has a result") for _ in runs.states.states]
+    # Stripes need motions enough at every level, with the buildings of a type taken together.
     level = levels_of(runs.im)
-    motions = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # of each level
-    stripes = motions.size > 1 and int(motions.min()) >= _LEAST_TYPE_STRIPE
+    of_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # how many motions
+    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_TYPE_STRIPE
     if request.fit == STRIPES and not stripes:
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
+    # The same fit for all runs and, below, with some motions left out.
     def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         return _type_stripes(runs, level, taken) if chosen == STRIPES else _type_cloud(runs, request, taken)
 
     functions = fit(np.ones(runs.im.size, bool))
-    covariances, beyond = _jackknife(runs, fit), _beyond(runs)
+
+    # The covariance of ln theta and beta by leaving out groups of motions; nan where less than three leave a fit.
+    motions = np.unique(runs.motion)
+    group = (np.searchsorted(motions, runs.motion) * min(_GROUPS, motions.size)) // motions.size
+    left: list[list[tuple[float, float]]] = [[] for _ in runs.states.states]
+    for motion in np.unique(group) if motions.size > 2 else ():
+        for place, function in enumerate(fit(group != motion)):
+            if isinstance(function, Fragility):
+                left[place].append((math.log(function.theta), function.beta))
+    covariances = [
+        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
+        for values in left
+    ]
     return [
         function
         if isinstance(function, AnalysisError)
@@ -623,7 +637,7 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
             function.named(median, runs.name, runs.unit), covariance=covariance, failed=runs.failed
         ).beside_counts(runs.im, over, motion=runs.motion)
         for function, median, covariance, over in zip(
-            functions, runs.states.medians, covariances, beyond.T, strict=True
+            functions, runs.states.medians, covariances, _beyond(runs).T, strict=True
         )
     ]
 
@@ -635,11 +649,18 @@ def _beyond(runs: TypeRuns) -> Array:
 
 def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
     """Of probabilities of exceedance at levels."""
+    # Levels that keep a run after some were left out, numbered anew.
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
-    beyond = (np.minimum(np.bincount(place, row), total) for row in _beyond(runs)[taken].T)
-    return [_type_tried(partial(fit_stripes, im, count, total)) for count in beyond]
+    functions: list[Fragility | AnalysisError] = []
+    for row in _beyond(runs)[taken].T:
+        count = np.minimum(np.bincount(place, row), total)  # sums of probabilities are off by rounding
+        try:
+            functions.append(fit_stripes(im, count, total))
+        except AnalysisError as error:
+            functions.append(error)
+    return functions
 
 
 def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
@@ -648,6 +669,7 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
     Of the states of a campaign each run is seen with three equally likely thresholds of their dispersion, which falls
     exceed whatever it is: beyond the heaviest state and below the lightest one no more is known. Of thresholds that
     are asked for all demands count as they are, so that no function hangs on which others are asked for."""
+    # A demand of zero has no logarithm, those below the range are elastic.
     low, high = request.edp_range
     kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
     im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
@@ -665,6 +687,7 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
+    # For the picture the demands themselves stand, not the three that each was seen with.
     below = ~limited & (demand < lightest)
     return [
         replace(
@@ -674,27 +697,4 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
             cloud=function.cloud and replace(function.cloud, im=im, edp=demand, censored=limited, below=below),
         )
         for function in of_states
-    ]
-
-
-def _type_tried(fit: Callable[[], Fragility]) -> Fragility | AnalysisError:
-    try:
-        return fit()
-    except AnalysisError as error:
-        return error
-
-
-def _jackknife(runs: TypeRuns, fit: Fit) -> list[Array]:
-    """The covariance of ln theta and beta of each state, shape (2, 2): by leaving out groups of motions; nan where
-    less than three of them leave a fit."""
-    motions = np.unique(runs.motion)
-    group = (np.searchsorted(motions, runs.motion) * min(_GROUPS, motions.size)) // motions.size
-    left: list[list[tuple[float, float]]] = [[] for _ in runs.states.states]
-    for motion in np.unique(group) if motions.size > 2 else ():
-        for place, function in enumerate(fit(group != motion)):
-            if isinstance(function, Fragility):
-                left[place].append((math.log(function.theta), function.beta))
-    return [
-        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
-        for values in left
     ]

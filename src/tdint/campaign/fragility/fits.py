@@ -76,6 +76,7 @@ class Observations:
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
         """Gradient and Hessian of the logarithm, shapes (k,) and (k, k)."""
+        # Ratios of density to distribution by logarithms: far out both underflow.
         z = self.design @ parameters
         hazard_below, hazard_above = (np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z))
         first = np.where(self.below, hazard_below, np.where(self.above, -hazard_above, -z))
@@ -84,6 +85,7 @@ class Observations:
             -hazard_below * (hazard_below + z),
             np.where(self.above, -hazard_above * (hazard_above - z), -1.0),
         )
+        # Each exact value brings a factor 1 / sigma into the likelihood.
         rate, place = float(parameters[self.inverse_sigma]), self.inverse_sigma
         gradient = self.design.T @ (self.count * first)
         hessian = (self.design.T * (self.count * second)) @ self.design
@@ -108,6 +110,7 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
     parameters = np.asarray(start, float)
     value = observations.logarithm(parameters)
     for _ in range(_ITERATIONS):
+        # Newton's steps on a concave function: a flat Hessian means that it has no maximum.
         gradient, hessian = observations.derivatives(parameters)
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
@@ -116,6 +119,7 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
         if decrement <= _CONVERGED * max(1.0, abs(value)):  # The last step: beyond it floats show no rise.
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
         length = 1.0
+        # A step that does not rise went too far: halved until it does.
         while not (moved := observations.logarithm(parameters + length * step)) > value:
             length *= 0.5
             if length < _SHORTEST:
@@ -351,6 +355,7 @@ class Fragility:
         unit, value = units.unit(si)
         factor = kinds[si][self.unit] / value
         points, cloud = self.points, self.cloud
+        # What was observed goes along, or pictures would show it beside another axis.
         if points is not None:
             points = replace(points, im=factor * points.im)
         if cloud is not None:  # ln EDP = a + b ln IM
@@ -409,6 +414,7 @@ def fit_stripes(
     _check_positive(x, "levels of intensity")
     if not np.all((hits >= 0) & (hits <= total) & (total > 0)):
         raise UsageError("stripes: at every level there must be records, and no more exceedances than records")
+    # Two cases in which the likelihood has no maximum are told in words before it is looked for.
     misses = total - hits
     if not hits.any() or not misses.any():
         reason = "no record exceeds at any level" if not hits.any() else "every record exceeds at every level"
@@ -418,6 +424,7 @@ def fit_stripes(
             "all records below some level do not exceed and all above it do: the dispersion cannot be told; add levels "
             "between them"
         )
+    # An exceedance is a capacity below the level, any other record one above it.
     levels = np.concatenate([x, x])
     side = np.repeat([True, False], x.size)
     solution = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
@@ -456,6 +463,7 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
     if x.ndim != 1 or above.shape != x.shape:
         raise UsageError("capacities need a row of numbers and as many marks of censored ones")
     _check_positive(x, "capacities")
+    # Of one known capacity alone no scatter follows, however many are censored.
     count = x.size - int(np.sum(above))
     if count < 2:
         raise AnalysisError(
@@ -463,6 +471,7 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
             "median and dispersion need two"
         )
     logarithms = np.log(x)
+    # Without censored ones the estimate is closed, with n - 1; its errors are those of a normal sample.
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
         if not beta > _EQUAL:
@@ -521,9 +530,12 @@ def fit_cloud(
     for values, name in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
         _check_positive(values, name)
     below = ~above & (y < lightest)
-    if not _tells(x, ~(above | below)):
+    # Those known to be below help a line that others tell: three known exactly, of more than one intensity.
+    exact = ~(above | below)
+    if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
     intercept, slope, sigma, covariance = _line(np.log(x), np.log(np.where(below, lightest, y)), above, below)
+    # In the likelihood's parameters the function is a ratio: its errors follow by its derivatives.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
     g1, results = slope / sigma, []
     for threshold in thresholds:
@@ -544,17 +556,12 @@ def fit_cloud(
     return results
 
 
-def _tells(im: Array, exact: NDArray[np.bool_]) -> bool:
-    """Whether the demands that are known exactly tell a line and a scatter, with those beside them known to be below:
-    three of them, and more than one intensity (those below have others)."""
-    return int(np.sum(exact)) > 2 and np.unique(im[exact]).size > 1
-
-
 def _line(x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]) -> tuple[float, float, float, Array]:
     """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma)."""
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
         raise AnalysisError("a cloud needs demands at three different intensities at least that are not censored")
+    # The usual line to begin with; demands on a line to the digit leave no scatter to be fitted.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):

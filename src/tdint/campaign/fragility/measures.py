@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +166,7 @@ def _average(rest: str) -> RunMeasure:
     grid = parse_grid(rest if rest.count(":") == 2 else f"{rest}:{AVERAGE.count}") if rest else None
     if grid is not None and grid.count == 1:
         raise UsageError("an average needs a first and a last period")
+    # By default from periods of higher modes to those of the damaged building.
     where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
     where = f"{grid.first:g} to {grid.last:g} s" if isinstance(grid, Grid) else where
 
@@ -211,6 +211,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     names, records = store.buildings(), store.records()
     period = cache(lambda building: plan.buildings[building].subject().period)
 
+    # A record is measured once at the scale 1; what grows by no power of a factor is measured at each.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
@@ -221,6 +222,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
         return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
 
+    # Runs of a building stand together: its period is found once.
     keys = "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, sample"
     for building, motion, scale, sample in store.connection.execute(keys):
         values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
@@ -258,7 +260,16 @@ class RunIntensities:
         self._names = {number: keys[:2] for number, keys in records.items()}
         self._pairs = {number: number - 1 for number, (*_, direction) in records.items() if direction > 1}
         settings = {name: json.loads(value) for name, value in store.settings().items()}
-        self._levels = sorted(settings["levels"], key=abs) if self._is_levelled(settings) else []
+        # What the campaign has brought to levels of this measure has these.
+        name, period = settings.get("measure"), settings.get("period")
+        at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
+        is_levelled = (
+            name is not None
+            and settings.get("damping", SA_DAMPING) == SA_DAMPING
+            and measure.called.format(FIRST) == f"{name}{at}"
+            and (name != "sa-avg" or period == FIRST)
+        )
+        self._levels = sorted(settings["levels"], key=abs) if is_levelled else []
         self.unit = measure.unit
         column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._own = None if self._levels else column
@@ -268,8 +279,8 @@ class RunIntensities:
             if not self._file.is_file():
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
-            name, unit = column_of(table, measure.column)
-            self._place, self._factor = table.header.index(name), unit_factor(unit)[1]
+            column_name, unit = column_of(table, measure.column)
+            self._place, self._factor = table.header.index(column_name), unit_factor(unit)[1]
             self.unit = measure.unit or unit_factor(unit)[0]
             self._rows = iter(table.rows)
 
@@ -279,13 +290,6 @@ class RunIntensities:
         if not self._pairs or self._levels:
             return ""
         return f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both components"
-
-    def _is_levelled(self, settings: Mapping[str, Any]) -> bool:
-        name, period = settings.get("measure"), settings.get("period")
-        if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
-            return False
-        at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
-        return self._measure.called.format(FIRST) == f"{name}{at}" and (name != "sa-avg" or period == FIRST)
 
     def of(self, of: BuildingDamage) -> Array:
         """The intensity of each run of a building, SI units, shape (runs,); nan where there is none."""
@@ -302,6 +306,7 @@ class RunIntensities:
     def _next(self, of: BuildingDamage, key: Run) -> float:
         """What the next row of measures.csv has, which is that of a run."""
         line, row = next(self._rows, (0, []))
+        # Rows are in the order of the runs: one that does not fit means another state of the folder.
         told = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
         if row[: len(_KEYS)] != told:
             raise ModelError(
@@ -397,15 +402,18 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+    # A collapse has no drift that could lie on a line.
     stood = (status == DONE) & (drift > 0.0)
     told, events = _characteristics(table, characteristics)
     logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **told}
     motions = events if events is not None else motions_of(table)
+    # What is the same in all runs explains nothing.
     logarithms = {name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1}
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
         im = of_pairs(table, np.array(table.numbers(column, empty=True)))
+        # Each measure on its own runs: a period too short for a record takes out few.
         taken = stood & (im > 0.0)
         parts = {about: values[taken] for about, values in logarithms.items()}
         fit = line(np.log(im[taken]), np.log(drift[taken]), parts, name, motions[taken])
@@ -426,12 +434,14 @@ def line(
         raise AnalysisError(f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}")
     if np.ptp(x) == 0.0:
         raise AnalysisError(f"{name}: is the same in all runs")
+    # In logarithms; beta is what the line leaves, with two numbers taken from the runs.
     fit = linregress(x, y)
     residual = y - (fit.intercept + fit.slope * x)
     beta = math.sqrt(float(residual @ residual) / (x.size - 2))
     dependences = []
     for about, values in characteristics.items():
         if np.ptp(values) > 0.0:
+            # What the line leaves must not depend on what the motion is (sufficiency).
             of = linregress(values, residual)
             p_value = of.pvalue if motion is None else _clustered(values, residual, motion)
             dependences.append(Dependence(about, float(of.slope), float(p_value)))
@@ -519,6 +529,7 @@ def with_measures(table: CsvTable) -> CsvTable:
     if table.source == "-" or not file.is_file():
         return table
     others = read_table(str(file), "the measures of a campaign are a table")
+    # By the names of the runs: the table may have been sorted since.
     cells = {key: row for key, (_, row) in zip(_keys(others), others.rows, strict=True)}
     places = [place for place, name in enumerate(others.header) if name not in table.header]
     rows = []
@@ -568,6 +579,7 @@ def _characteristics(table: CsvTable, file: str | Path | None) -> tuple[dict[str
         raise ModelError(f"{file}: {_NEEDS}")
     by_name = {name: dict(zip(records, given.numbers(name), strict=True)) for name in names}
     records_of_runs = table.texts("record")
+    # Of every record, or the dependence would be of those alone that happen to be known.
     missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
     if missing:
         raise ModelError(f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv")

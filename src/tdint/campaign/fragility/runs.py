@@ -163,12 +163,15 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
     types = stored_states(store)
     if not (types or of_all):
         return
+    # All types have one demand: one column of the runs is read.
     column = _COLUMNS[_MADE_OF[(of_all or next(iter(types.values()))).demand]]
     names = store.buildings() if of_all else {}
     query = f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM run_rows"
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
+    # Rows come sorted by building, so that one is held at a time.
     for number, of_one in groupby(rows, key=itemgetter(0)):
         runs = list(of_one)
+        # With thresholds of the largest drift ratio a building needs no type and no divisor.
         if of_all:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
             name = building
@@ -178,6 +181,7 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
         demand = np.abs(values) / divisor
         keys = [Run(*run[1:4]) for run in runs]
+        # Levels are ranks of the factors, for factors may be each motion's own.
         ranks = level_ranks(keys)
         yield BuildingDamage(
             number,
@@ -284,9 +288,11 @@ class _Group:
     def damage(self, name: str, building: str, event: str, level: float, part: str = "") -> TypeDamage:
         """What the runs tell."""
         count = len(self.states.outcomes)
+        # Rows by motion: the error is that between motions, under which buildings err alike.
         sums = np.array(list(self._sums.values()))
         mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
         loss, sd = Mean(np.full(1, math.nan), np.full(1, math.nan)), math.nan
+        # The last two sums are those of the loss and its square.
         if self.states.losses and len(sums):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
@@ -333,6 +339,7 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
     of_types: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
+    # What a row is called by: the type, the event and the level, or a value of the column asked for.
     def told(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0
@@ -340,10 +347,12 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
 
     for of in building_damages(store):
         cells = dict(zip(columns, store.carried(of.number), strict=False)) if COST in columns or by else {}
+        # A row of an inventory may stand for several buildings, each of this cost.
         value = cell_number(cells.get(COST, "")) * (cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0)
         name = of.type if by is None else cells.get(by.lower(), "")
         motions = np.array([motion_of[record] for record, _, _ in of.keys])
         event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
+        # A building's own numbers are given out at once; those of types are summed up to the end.
         for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
             chosen, key = (of.rank == rank) & (event == number), (name, number, rank)
             group = _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))

@@ -103,6 +103,7 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
 def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageWishes | None:
     """Thresholds by rules or of a table; None after a fault."""
     source = thresholds.text()
+    # Published thresholds belong to the rules whose types they are of.
     needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
     if needed and rules != needed:
         thresholds.fault(f"{source} has thresholds of buildings of an inventory by the rules {needed}")
@@ -111,16 +112,20 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     states = _names(section)
     if source is None or demand is None or states is None:
         return None
+    # A table does not say what its thresholds are of; published ones do.
     if not demand:
         section.need("demand", f"give one of {', '.join(DEMANDS)}")
         return None
+    # Published states are four, and only some demands have them.
     if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
         of = " or ".join(_OF_RULES[source])
         section.value.fault(f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out")
         return None
+    # Hazus has a dispersion of its own; beside capacity curves the user gives it.
     beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
         section.need("dispersion", "give 0 for thresholds that are exact")
+    # Losses are the same for all classes in the file itself, or by class in a table.
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None
     losses = sections.read_losses(of_all, states)
@@ -145,6 +150,7 @@ def _names(section: Section) -> tuple[str, ...] | None:
     if value is None:
         return STATES
     names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
+    # A name that is there twice would be one state in every table.
     given = tuple(name for name in names if name)
     if not given or len(set(given)) < len(names) or not all(map(sections.is_state, given)):
         value.fault("must be names, each its own: words of letters, digits, _ and -")
@@ -171,35 +177,10 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     if request is None:
         return ClassDamage()
     states = _read_states(request) if request.source not in ("", HAZUS, CAPACITY) else {}
-    return ClassDamage(states, _read_losses(request) if request.loss_file else {})
+    if not request.loss_file:
+        return ClassDamage(states)
 
-
-def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
-    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
-    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
-    rows of a class one has them; the others may repeat them or be empty."""
-    table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
-    suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
-    there = (ending for ending in suffixes if table.has(*(f"{state}{ending}" for state in request.states)))
-    suffix = next(there, next(iter(suffixes)))
-    columns = {state: f"{state}{suffix}" for state in request.states}
-    if request.dispersion is None:
-        table.need(*columns.values(), "beta")
-    rows = _of_classes(table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})})
-    by_class = {}
-    for name, values in rows.items():
-        beta = values.pop("beta", request.dispersion or 0.0)
-        try:
-            medians = tuple(suffixes[suffix] * values[state] for state in request.states)
-            by_class[name] = DamageStates(request.demand, request.states, medians, beta, request.losses)
-        except UsageError as error:
-            raise ModelError(f"{request.source}: class {name}: {error}") from None
-    return by_class
-
-
-def _read_losses(request: DamageWishes) -> dict[str, tuple[float, ...]]:
-    """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`."""
-    assert request.loss_file is not None
+    # Loss ratios: a column for each state and, if wanted, one for a collapse.
     table = read_table(request.loss_file, "losses are a CSV file with the column class and one for each damage state")
     columns = {state: state for state in request.states}
     if table.has(sections.COLLAPSE):
@@ -208,7 +189,34 @@ def _read_losses(request: DamageWishes) -> dict[str, tuple[float, ...]]:
     for name, values in rows.items():
         if not all(map(sections.LOSS.allow, values.values())):
             raise ModelError(f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
-    return {name: sections.losses_of(values, request.states) for name, values in rows.items()}
+    losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
+    return ClassDamage(states, losses)
+
+
+def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
+    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
+    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
+    rows of a class one has them; the others may repeat them or be empty."""
+    table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
+    # The unit stands in the columns' names, one for all states.
+    suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
+    there = (ending for ending in suffixes if table.has(*(f"{state}{ending}" for state in request.states)))
+    suffix = next(there, next(iter(suffixes)))
+    columns = {state: f"{state}{suffix}" for state in request.states}
+    # Without a dispersion in the campaign's file each class must have one.
+    if request.dispersion is None:
+        table.need(*columns.values(), "beta")
+    rows = _of_classes(table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})})
+    by_class = {}
+    for name, values in rows.items():
+        beta = values.pop("beta", request.dispersion or 0.0)
+        # What the medians may be together the states know themselves.
+        try:
+            medians = tuple(suffixes[suffix] * values[state] for state in request.states)
+            by_class[name] = DamageStates(request.demand, request.states, medians, beta, request.losses)
+        except UsageError as error:
+            raise ModelError(f"{request.source}: class {name}: {error}") from None
+    return by_class
 
 
 def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
@@ -218,6 +226,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
+        # Of the rows of a curve's points one alone may have the numbers of its class.
         if not any(text for _, text in texts.values()):
             continue
         values = {}
@@ -226,6 +235,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
             if math.isnan(values[key]) or values[key] < 0.0:
                 said = no_number(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
+        # Repeated numbers must be the same: which would count is nothing to guess.
         if by_class.setdefault(name, values) != values:
             raise ModelError(f"{table.source}:{line}: class {name} has other numbers in a row above")
     return by_class
@@ -264,24 +274,30 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
     ModelError
         A type has no states, or its buildings have not what the demand is made of.
     """
+    # Models may say their states themselves; then all of them must.
     models = [given.made.model for given in buildings if isinstance(given, GivenBuilding)]
     if request is None and not any(model.damage for model in models):
         return None
+    # The states of a type are looked for once, by its first building.
     types: dict[str, DamageStates] = {}
     of_buildings: list[BuildingType] = []
     for building in buildings:
         if isinstance(building, RowBuilding):
-            facts = building.row.facts
+            rules, facts = building.rules, building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(request, classes, name, facts)
-            row = _of_row(building, states.demand)
+            if rules.stiffness or rules.damping or building.row.changes:
+                divisor_and_period = _of_model(building.subject().model, states.demand)
+            else:  # Buildings that differ by their size alone are made once.
+                alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
+                divisor_and_period = _of_facts(alike, rules.name, states.demand)
         else:
             model = building.made.model
             name = model.name
             states = types.get(name) or (_states(request, classes, name) if request else _own(model, models))
-            row = _of_model(model, states.demand)
+            divisor_and_period = _of_model(model, states.demand)
         types[name] = states
-        of_buildings.append(BuildingType(name, *row))
+        of_buildings.append(BuildingType(name, *divisor_and_period))
     return Damage(types, of_buildings)
 
 
@@ -311,6 +327,7 @@ def _states(
         states = classes.states[name]
     else:
         raise ModelError(f"{request.source}: has no damage thresholds of the class {name!r}")
+    # Losses may come from another file than thresholds, class by class.
     if request.loss_file and name not in classes.losses:
         raise ModelError(f"{request.loss_file}: has no losses of the class {name!r}")
     return replace(states, losses=classes.losses[name]) if request.loss_file else states
@@ -326,6 +343,7 @@ _HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
     """The states that a model says for itself, which are those of the others by name and demand."""
+    # Functions and losses are summed over models: they need the same states by the same demand.
     first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
         raise ModelError(f"{model.source}: says nothing of `damage`, as other models of the campaign do")
@@ -344,15 +362,6 @@ def own_type(model: Model) -> BuildingType | None:
         It has not what the demand is made of.
     """
     return BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
-
-
-def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
-    """Divisor and period of a building of an inventory; alike ones are made once."""
-    rules, facts = source.rules, source.row.facts
-    if rules.stiffness or rules.damping or source.row.changes:
-        return _of_model(source.subject().model, demand)
-    alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
-    return _of_facts(alike, rules.name, demand)
 
 
 @lru_cache(maxsize=10_000)

@@ -60,7 +60,14 @@ def read_at2(lines: Lines) -> list[Series]:
         if lines.at_numbers():
             raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
         lines.take()
-    return [Series(values, step, _units(header), **codes)]
+
+    # Units: the first word where they may stand that is a unit of motion, of the quantity that the header names.
+    text = "\n".join(header)
+    other = _OTHER.search(text)
+    quantity = other[1].lower() if other else "acceleration"
+    named = (match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1]))
+    units = next((required_units(name, quantity) for name in named), "")
+    return [Series(values, step, units, **codes)]
 
 
 def _matches(lines: list[str]) -> bool:
@@ -76,14 +83,3 @@ def _count_and_step(line: str) -> tuple[int, float] | None:
         if match := pattern.search(line):
             return int(match[1]), float(match[2])
     return None
-
-
-def _units(header: list[str]) -> str:
-    """Units of the values as the header tells them, empty if it does not."""
-    text = "\n".join(header)
-    other = _OTHER.search(text)
-    quantity = other[1].lower() if other else "acceleration"
-    for match in (match for pattern in _UNITS for match in pattern.finditer(text)):
-        if motion_units(match[1]):
-            return required_units(match[1], quantity)
-    return ""

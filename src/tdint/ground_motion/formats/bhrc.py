@@ -46,6 +46,7 @@ def read_bhrc(lines: Lines) -> list[Series]:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
+    # The header in words, then the two of numbers.
     place = lines.number + 1
     texts = lines.take_until(_ROW.fullmatch, "header of integers")
     if not any(map(_TITLE.match, texts)):
@@ -55,6 +56,8 @@ def read_bhrc(lines: Lines) -> list[Series]:
         raise RecordError(f"the header that begins in line {place} gives no points, units or component")
     stated = _header_number(lines, *_COUNT)
     rate = _header_number(lines, *_RATE)
+
+    # Words and numbers must agree; the duration is rounded, so that the rate, where it stands, gives the step.
     count = int(points[1])
     dt = float(points[2]) / count
     statements = [Statement(SAMPLES, stated, count)]
@@ -65,12 +68,17 @@ def read_bhrc(lines: Lines) -> list[Series]:
     if (line := lines.peek()) is None or not line.lstrip().startswith(_END):
         raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
     lines.take()
+
+    # A horizontal component is named by its azimuth in degrees, the vertical one by its letter.
+    letter = component[1].upper()
+    azimuths = first_match(_AZIMUTHS, texts)
+    directions = {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])} if azimuths else {}
     return [
         Series(
             samples,
             1.0 / rate if rate > 0.0 else dt,
             required_units(units[1]),
-            channel=_direction(component[1].upper(), texts),
+            channel=directions.get(letter, letter),
             station=code(header_field(_STATION, texts)),
             compared=compared,
         )
@@ -84,12 +92,3 @@ def _header_number(lines: Lines, row: int, place: int) -> float:
     if len(numbers) <= place:
         raise RecordError(f"the header of numbers before line {lines.number} holds something else")
     return numbers[place]
-
-
-def _direction(letter: str, texts: list[str]) -> str:
-    """The azimuth of a horizontal component in degrees, V for the vertical one."""
-    azimuths = first_match(_AZIMUTHS, texts)
-    directions: dict[str, str] = (
-        {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])} if azimuths else {}
-    )
-    return directions.get(letter, letter)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -131,6 +130,8 @@ def _width(line: str) -> int | None:
 def _series(
     samples: NDArray[np.float64], block: re.Match[str], texts: list[str], integers: list[float], reals: list[float]
 ) -> Series:
+    """A block of samples with what the channel's header tells of it."""
+    # The step, against the duration that the block's own line tells.
     match = first_match(_UNKNOWN, texts)
     unknown = float(match[1]) if match else -999.0
     if reals[_STEP] == unknown:
@@ -138,6 +139,8 @@ def _series(
     dt = reals[_STEP] / 1000.0
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
         raise RecordError(f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells")
+
+    # The unit by its name or by its number in the format's table; a recorder's counts have none.
     kind = block[2].lower().split()[0]
     quantity = kind if kind in _OTHERS else "acceleration"
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
@@ -149,22 +152,22 @@ def _series(
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
         raise RecordError(f"{how_many(missing, 'sample')} marked as unknown ({unknown:g})")
+    if counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
+        raise RecordError("its header says that the samples are counts, but they are not integers of 32 bits")
+
+    # The time of the first sample, if it is known and in UTC.
+    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
+    second = reals[_SECOND]
+    is_utc = unknown not in (year, month, day, hour, minute, second) and first_match(_UTC, texts)
     stated = first_match(_PEAK, texts)
     return Series(
-        _integers(samples) if counts else samples,
+        samples.astype(np.int32) if counts else samples,
         dt,
         units,
         **_codes(texts),
-        start=_start(texts, integers, reals, unknown),
+        start=moment(year, month, day, hour, minute, second) if is_utc else None,
         peak=stated_peak(stated[1], stated[2], units) if stated and units else None,
     )
-
-
-def _integers(samples: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Counts as integers, which ObsPy and tdint take for what they are."""
-    if np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0):
-        raise RecordError("its header says that the samples are counts, but they are not integers of 32 bits")
-    return samples.astype(np.int32)
 
 
 def _codes(texts: list[str]) -> Codes:
@@ -177,12 +180,3 @@ def _codes(texts: list[str]) -> Codes:
     if channel:
         named |= Codes(location=code(channel[1]), channel=code(channel[2]).upper())
     return named
-
-
-def _start(texts: list[str], integers: list[float], reals: list[float], unknown: float) -> datetime | None:
-    """Time of the first sample, if it is known and in UTC."""
-    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
-    second = reals[_SECOND]
-    if unknown in (year, month, day, hour, minute, second) or not first_match(_UTC, texts):
-        return None
-    return moment(year, month, day, hour, minute, second)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import replace
-from datetime import datetime
 from typing import Any, Unpack
 
 import numpy as np
@@ -143,7 +142,15 @@ def read_csmip(lines: Lines) -> list[Series]:
         lines.take()
     stated = first_match(_PEAK[0 if title[1] else 1], texts)
     peak = stated_peak(stated[1], stated[2], series.units or "") if stated else None
-    return [replace(series, peak=peak, start=_start(texts))]
+
+    # The first sample is that of the trigger for recorders on film, which started with it.
+    started = None
+    if clock := first_match(_START, texts):
+        month, day, year, hour, minute, second = map(float, clock.groups()[:6])
+        if year < 100:
+            year += 1900 if year >= _ERA else 2000
+        started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
+    return [replace(series, peak=peak, start=started)]
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
@@ -155,6 +162,7 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
         return Series(
             lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]), **_codes(texts)
         )
+    # Older files have pairs of time and acceleration, later ones equal steps.
     if not (line and equal):
         return read_pairs(lines, texts, **_codes(texts))
     lines.take()
@@ -211,14 +219,3 @@ def _codes(texts: list[str]) -> Codes:
     if channel:
         codes |= Codes(location=channel[1], channel=code(channel[2]).upper())
     return codes
-
-
-def _start(texts: list[str]) -> datetime | None:
-    """Time of the first sample: that of the trigger for recorders on film, which started with it."""
-    match = first_match(_START, texts)
-    if not match:
-        return None
-    month, day, year, hour, minute, second = map(float, match.groups()[:6])
-    if year < 100:
-        year += 1900 if year >= _ERA else 2000
-    return moment(year, month, day, hour, minute, second, _ZONES[match[7].upper()])

@@ -74,6 +74,12 @@ def read_cwb(lines: Lines) -> list[Series]:
         statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
     compared = compare(statements)
     unit = required_units(units[1])
+
+    # The peak of a component is the larger of its two extremes, without their signs.
+    peaks: dict[str, StatedPeak | None] = {}
+    for match in filter(None, map(_EXTREMES.search, texts)):
+        largest = max(match[2], match[3], key=lambda number: abs(float(number)))
+        peaks.setdefault(match[1].upper(), stated_peak(largest, unit, unit))
     return [
         Series(
             column,
@@ -82,15 +88,8 @@ def read_cwb(lines: Lines) -> list[Series]:
             channel=code(name).upper(),
             station=code(header_field(_STATION, texts)),
             start=moment_in(_START, texts),
-            peak=_peak(texts, name, unit),
+            peak=peaks.get(name.upper()),
             compared=compared,
         )
         for name, column in zip(names, columns, strict=True)
     ]
-
-
-def _peak(texts: list[str], name: str, units: str) -> StatedPeak | None:
-    for match in filter(None, map(_EXTREMES.search, texts)):
-        if match[1].upper() == name.upper():
-            return stated_peak(max(match[2], match[3], key=lambda number: abs(float(number))), units, units)
-    return None

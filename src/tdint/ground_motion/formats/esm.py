@@ -10,7 +10,7 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, moment_in, reader, required_units, stated_peak
+from tdint.ground_motion.formats.series import Series, moment_in, reader, required_units, stated_peak
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
@@ -26,11 +26,10 @@ _TIME = re.compile(
 
 def is_esm(file: Any, **_: Any) -> bool:
     """Whether a file begins with the keys of this header."""
-    return recognizes(file, lambda lines: lines[0].startswith("EVENT_NAME:") and any(map(_is_step, lines)))
-
-
-def _is_step(line: str) -> bool:
-    return line.startswith(f"{_STEP}:")
+    return recognizes(
+        file,
+        lambda lines: lines[0].startswith("EVENT_NAME:") and any(line.startswith(f"{_STEP}:") for line in lines),
+    )
 
 
 @reader
@@ -54,6 +53,9 @@ def read_esm(lines: Lines) -> list[Series]:
     except (KeyError, ValueError):
         raise RecordError(f"its header does not give {_COUNT} and {_STEP}") from None
     units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
+    # The key of the peak ends with its unit.
+    peaks = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())
+    stated = (stated_peak(value, key[1], units) for key, value in peaks if key and re.fullmatch(NUMBER, value))
     series = Series(
         lines.numbers(count),
         dt,
@@ -63,16 +65,8 @@ def read_esm(lines: Lines) -> list[Series]:
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
         start=moment_in(_TIME, [header.get(_START, "")]),
-        peak=_peak(header, units, _PEAKS[quantity]),
+        peak=next(stated, None),
     )
     if lines.peek() is not None:
         raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
     return [series]
-
-
-def _peak(header: dict[str, str], units: str, pattern: re.Pattern[str]) -> StatedPeak | None:
-    for key, value in header.items():
-        match = pattern.fullmatch(key)
-        if match and re.fullmatch(NUMBER, value):
-            return stated_peak(value, match[1], units)
-    return None

@@ -7,7 +7,6 @@ velocities in mm/s and displacements in mm, ten a line (Cousins, GNS accelerogra
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from math import inf, isclose
 from typing import Any
 
@@ -62,29 +61,22 @@ def read_geonet(lines: Lines) -> list[Series]:
     in_words = match[1] or match[2] if match else ""
     if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
         raise RecordError(f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s")
-    units = _units(texts)
+    # Volume 1 may be in readings of a film, a part of the unit each.
+    factor = header_field(_RAW_UNITS, texts)
+    if factor and not 0.0 < float(factor) < inf:
+        raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
+    units = f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
+    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
     series = Series(
         accelerations,
-        reals[_STEP],
+        dt,
         units,
         channel=code(header_field(_COMPONENT, texts)).upper(),
         station=code(header_field(_SITE, texts)),
-        start=_start(integers),
+        start=moment(year, month, day, hour, minute, integers[_MILLISECONDS] / 1000.0),
         units_from="format",
         pgv=pgv,
         pgd=pgd,
         peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", units),
     )
     return [series]
-
-
-def _units(texts: list[str]) -> str:
-    factor = header_field(_RAW_UNITS, texts)
-    if factor and not 0.0 < float(factor) < inf:
-        raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
-    return f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
-
-
-def _start(integers: list[float]) -> datetime | None:
-    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
-    return moment(year, month, day, hour, minute, integers[_MILLISECONDS] / 1000.0)

@@ -209,19 +209,20 @@ class Lines:
         numbers = np.array(values, dtype=np.float64)
         if not np.all(np.isfinite(numbers)):
             raise RecordError(f"a value after line {first} is beyond 1.8e308")
-        self._check_end(first)
-        return numbers
-
-    def _check_end(self, first: int) -> None:
         if self._is_whole or self._next < len(self._lines) or not ROW.fullmatch(self._lines[-1]):
-            return
+            return numbers
+
+        # Zeros written without a point tell nothing in a file that has several of them.
+        if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
+            return numbers
+
+        # Places of the last numbers of the rows before; in a file of few long rows, of the numbers of the last one.
         last = _places(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
-        if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
-            return  # Zeros are written without a point in this file.
         before = [places[-1] for places in map(_places, rows) if places] if len(rows) >= _FEW else last[:-1]
         if len(before) >= _FEW and len(set(before)) == 1 and last[-1] < before[0]:
             raise RecordError("the file is cut off within its last number")
+        return numbers
 
 
 def row_of_numbers(line: str, width: int | None = None) -> list[float]:

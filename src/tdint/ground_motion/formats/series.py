@@ -124,10 +124,19 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     if not series:
         raise RecordError("the file holds no acceleration")
     stream = Stream()
-    for part in _distinct(series):
+    count = Counter(part.id for part in series)
+    for number, channel in enumerate(series, start=1):
+        # Components that share an id are told apart by their number in the file, as location code.
+        is_alone = count[channel.id] == 1
+        part = channel if is_alone else replace(channel, location=f"{channel.location}{number}")
         check_step(part.dt)
-        compared = compare(_peak_statement(part))
-        stream.append(_trace(part, (*part.compared, *compared), headonly))
+        statements = []
+        if part.peak is not None and part.samples.size:
+            peak = float(np.max(np.abs(part.samples))) * part.peak.factor
+            rounding = part.peak.rounding + 1e-9 * peak
+            stated = abs(part.peak.value)
+            statements.append(Statement(PEAK, stated, peak, rounding, part.peak.units, part.channel, measured=True))
+        stream.append(_trace(part, (*part.compared, *compare(statements)), headonly))
     return stream
 
 
@@ -171,23 +180,6 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         header["tdint_units"] = part.units
         header["tdint_units_from"] = part.units_from
     return Trace(header=header) if headonly else Trace(part.samples, header=header)
-
-
-def _distinct(series: Sequence[Series]) -> list[Series]:
-    """Components that share an id are told apart by their number in the file, as location code."""
-    count = Counter(channel.id for channel in series)
-    return [
-        part if count[part.id] == 1 else replace(part, location=f"{part.location}{i}")
-        for i, part in enumerate(series, start=1)
-    ]
-
-
-def _peak_statement(part: Series) -> list[Statement]:
-    if part.peak is None or not part.samples.size:
-        return []
-    peak = float(np.max(np.abs(part.samples))) * part.peak.factor
-    rounding = part.peak.rounding + 1e-9 * peak
-    return [Statement(PEAK, abs(part.peak.value), peak, rounding, part.peak.units, part.channel, measured=True)]
 
 
 def motion_units(text: str) -> str | None:

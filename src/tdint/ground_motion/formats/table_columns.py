@@ -71,7 +71,10 @@ def column_names(text: str) -> list[ColumnName]:
     if not motions or (len(columns) == 1 and columns[0].component):
         return []
     if any(column.kind == "acceleration" and not column.component for column in motions):
-        columns = [_beside_acceleration(column) for column in columns]
+        # Beside an acceleration, v and d are the velocity and the displacement.
+        for place, column in enumerate(columns):
+            if kind := _BARE.get(column.component.lower()):
+                columns[place] = replace(column, kind=kind, component="")
     return columns
 
 
@@ -151,27 +154,18 @@ def _columns(parts: list[str]) -> list[ColumnName]:
     words = [name_and_units(part) for part in parts]
     if not words or any(not name for name, _ in words):
         return []
-    kinds = [_classified(name, units, place == 0 and len(words) > 1) for place, (name, units) in enumerate(words)]
-    return [
-        replace(kind, text=" ".join(part.strip().strip("\"'").split()), plain=name)
-        for kind, part, (name, _) in zip(kinds, parts, words, strict=True)
-    ]
-
-
-def _classified(name: str, units: str, may_be_time: bool) -> ColumnName:
-    if may_be_time and name in _TIMES:
-        return ColumnName(TIME, units=units)
-    for kind, pattern in _KINDS.items():
-        if match := pattern.fullmatch(name):
-            return ColumnName(kind, (match[1] or "").upper(), units)
-    if re.fullmatch(_COMPONENT, name):
-        return ColumnName("acceleration", name.upper(), units)
-    return ColumnName(OTHER, units=units)
-
-
-def _beside_acceleration(column: ColumnName) -> ColumnName:
-    kind = _BARE.get(column.component.lower())
-    return replace(column, kind=kind, component="") if kind else column
+    columns = []
+    for place, (part, (name, units)) in enumerate(zip(parts, words, strict=True)):
+        kinds = ((kind, match) for kind, pattern in _KINDS.items() if (match := pattern.fullmatch(name)))
+        kind, match = next(kinds, (OTHER, None))
+        component = (match[1] or "").upper() if match else ""
+        if place == 0 and len(words) > 1 and name in _TIMES:
+            kind, component = TIME, ""
+        elif not match and re.fullmatch(_COMPONENT, name):
+            kind, component = "acceleration", name.upper()
+        text = " ".join(part.strip().strip("\"'").split())
+        columns.append(ColumnName(kind, component, units, text, plain=name))
+    return columns
 
 
 def name_and_units(text: str) -> tuple[str, str]:
@@ -299,15 +293,13 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
         units = {name.units for name in names if name.kind == "acceleration"}
         return [(COLUMNS, content.strip()), *(("units", unit) for unit in units if unit and len(units) == 1)]
     parts = [part for part in re.split("[,;]", content) if part.strip()]
-    declarations = list(filter(None, map(_declaration, parts)))
+    declarations = []
+    for part in parts:
+        match = _DECLARATION.fullmatch(part)
+        # Keys in any case, with blanks or underscores.
+        if match and (meaning := _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split()))):
+            declarations.append((meaning, match[2]))
     return declarations if comment or len(declarations) == len(parts) else None
-
-
-def _declaration(text: str) -> tuple[str, str] | None:
-    """Meaning and value of `key = value` with a known key."""
-    match = _DECLARATION.fullmatch(text)
-    meaning = _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split())) if match else None
-    return (meaning, match[2]) if match and meaning else None
 
 
 def _quantity(text: str, units: dict[str, float], quantity: str) -> float:

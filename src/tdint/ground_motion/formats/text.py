@@ -91,16 +91,30 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
         values, or something else than numbers stands among them.
     """
     lines = read_lines(file)
-    lines.skip(layout.skip_lines or 0)
+    skipped = layout.skip_lines or 0
+    lines.skip(skipped)
     above = lines.take_until(ROW.fullmatch, "row of numbers")
-    _refuse_unnamed(above, layout.skip_lines or 0)
+
+    # Without a name for the first column the others would stand one place off.
+    place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
+    if place >= 0 and lacks_first_name(above[place]):
+        raise RecordError(
+            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first column, as where "
+            "pandas writes its index; leave that out (index=False), or name it time if it is"
+        )
     columns = _columns(lines, sum(map(_names_of, above)))
     width, size = len(columns), columns[0].size
-    header = read_foreign_header(above, width, layout.skip_lines or 0) if layout else read_header(above, width)
+    header = read_foreign_header(above, width, skipped) if layout else read_header(above, width)
     chosen = list(dict.fromkeys(place_of(column, header.names, width) for column in layout.column))
+
+    # All that tells the sampling interval must agree: declarations, and the times.
     times = _times(columns, header.names, chosen, layout)
-    stated = _stated_step(times, header)
-    dt = stated or layout.step
+    stated = header.intervals()
+    if times is not None:
+        stated.append(equal_steps(times).dt)
+    if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
+        raise RecordError(f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s")
+    dt = next(iter(stated), None) or layout.step
     if dt is None:
         raise RecordError(
             "a column of numbers without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`, "
@@ -109,42 +123,30 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
     compared = (*((SAMPLES,) if header.get("samples") else ()), *((STEP,) if times is not None else ()))
-    common = replace(_without_samples(header), dt=dt, compared=compared)
-    taken = chosen or _accelerations(header.names, range(_leading(columns, times, layout), width))
-    if layout.skip_lines:
-        warnings.warn(f"{how_many(layout.skip_lines, 'line')} at its beginning passed over, as asked", stacklevel=2)
-    if stated is None:
-        warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
-    return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
-
-
-def _refuse_unnamed(above: list[str], skipped: int) -> None:
-    """Raise RecordError for a header whose first column has no name, in the last line above the numbers."""
-    place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
-    if place >= 0 and lacks_first_name(above[place]):
-        raise RecordError(
-            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first column, as where "
-            "pandas writes its index; leave that out (index=False), or name it time if it is"
-        )
-
-
-def _names_of(line: str) -> int:
-    """How many columns a line above the numbers names."""
-    return next((len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0)
-
-
-def _without_samples(header: TableHeader) -> Series:
-    """What the header tells of all components."""
-    return Series(
+    common = Series(
         np.empty(0),
-        0.0,
+        dt,
         "",
         channel=code(header.get("component")),
         station=code(header.get("station")),
         location=code(header.get("location")),
         network=code(header.get("network")),
         start=header.start,
+        compared=compared,
     )
+    # Where nothing has a name, a first column with the times or a count is no motion.
+    is_leading = times is not None or (width > 1 and _counts(columns[0], layout.step))
+    taken = chosen or _accelerations(header.names, range(int(is_leading), width))
+    if skipped:
+        warnings.warn(f"{how_many(skipped, 'line')} at its beginning passed over, as asked", stacklevel=2)
+    if not stated:
+        warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
+    return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
+
+
+def _names_of(line: str) -> int:
+    """How many columns a line above the numbers names."""
+    return next((len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0)
 
 
 def _accelerations(names: Names, places: range) -> list[int]:
@@ -174,30 +176,24 @@ def _series(common: Series, columns: Columns, header: TableHeader, place: int, t
         )
     name = names[place]
     text = name.units or declared
-    quantity = _quantity(name)
+    # What is in the column by its name or else by its units.
+    quantity = name.kind
+    if name.kind == OTHER:
+        motion = motion_units(name.units) if name.units else None
+        quantity = parse_units(motion).quantity if motion else "acceleration"
     units = required_units(text, quantity) if text else ""
     channel = name.component or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
     part = replace(part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
     if name.kind != "acceleration":
         return part
-    pgv, pgd = (_peak_of(kind, name.component, names, columns) for kind in MOTIONS[1:])
-    return replace(part, pgv=pgv, pgd=pgd)
 
-
-def _quantity(name: ColumnName) -> str:
-    """What is in a column by its name or else by its units."""
-    if name.kind != OTHER:
-        return name.kind
-    units = motion_units(name.units) if name.units else None
-    return parse_units(units).quantity if units else "acceleration"
-
-
-def _peak_of(kind: str, component: str, names: Names, columns: Columns) -> float | None:
-    """Peak, SI units, of the velocity or displacement of a component; None without one, or without its units."""
-    for name, column in zip(names, columns, strict=True):
-        if (name.kind, name.component) == (kind, component) and (scale := motion_scale(name.units, kind)):
-            return scale * float(np.max(np.abs(column)))
-    return None
+    # The columns of its velocity and displacement give their peaks, where these have units.
+    peaks: dict[str, float] = {}
+    for other, column in zip(names, columns, strict=True):
+        is_beside = other.kind in MOTIONS[1:] and other.component == name.component
+        if is_beside and (scale := motion_scale(other.units, other.kind)):
+            peaks.setdefault(other.kind, scale * float(np.max(np.abs(column))))
+    return replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
 
 
 def _times(columns: Columns, names: Names, chosen: list[int], layout: TextLayout) -> NDArray[np.float64] | None:
@@ -210,11 +206,6 @@ def _times(columns: Columns, names: Names, chosen: list[int], layout: TextLayout
     if layout.step is not None and (not np.all(np.diff(first) > 0.0) or _counts(first, layout.step)):
         return None
     return first
-
-
-def _leading(columns: Columns, times: NDArray[np.float64] | None, layout: TextLayout) -> int:
-    """How many of the first columns are no motion where nothing has a name: one with the times or a count."""
-    return int(times is not None or (len(columns) > 1 and _counts(columns[0], layout.step)))
 
 
 def _counts(column: NDArray[np.float64], step: float | None) -> bool:
@@ -269,13 +260,3 @@ def _numbers(line: str) -> list[float]:
         return [float(cell.replace(point, ".").replace("D", "E").replace("d", "e")) for cell in cells]
     except ValueError:
         return []
-
-
-def _stated_step(times: NDArray[np.float64] | None, header: TableHeader) -> float | None:
-    """The sampling interval, s, that is declared, or that of the times; None without either."""
-    stated = header.intervals()
-    if times is not None:
-        stated.append(equal_steps(times).dt)
-    if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
-        raise RecordError(f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s")
-    return stated[0] if stated else None

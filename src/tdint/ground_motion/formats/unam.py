@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from datetime import datetime
 from itertools import chain
 from typing import Any
 
@@ -53,7 +52,13 @@ def read_unam(lines: Lines) -> list[Series]:
         It is cut off, or what it holds is not what its header announces.
     """
     texts = lines.take_until(_DATA.match, "line with the beginning of the data")
-    steps, counts, peaks, names = (_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES))
+    # The values of all channels stand in a line for the first six and one for the others.
+    of_channels = []
+    for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES):
+        matches = filter(None, map(pattern.search, texts))
+        values = chain.from_iterable(match[1].strip().lstrip("/").split("/") for match in matches)
+        of_channels.append([value.strip() for value in values if value.strip()])
+    steps, counts, peaks, names = of_channels
     if not names or not len(names) == len(steps) == len(counts) or len(set(counts)) > 1 or not counts[0].isdigit():
         raise RecordError("its header does not give direction, interval and one number of samples for each channel")
     for _line in range(2):
@@ -73,46 +78,33 @@ def read_unam(lines: Lines) -> list[Series]:
         )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
     unit = required_units(units[1]) if units else ""
+
+    intervals = []
+    for step in steps:
+        try:
+            intervals.append(float(step))
+        except ValueError:
+            raise RecordError(f"its header gives a sampling interval of {step!r}") from None
+
+    # The first sample's date is that of the earthquake or, just after midnight, the next one.
+    started = None
+    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
+    if date and first:
+        year, month, day = map(float, date.groups())
+        hour, minute, second = map(float, first.groups())
+        late = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
+        started = moment(year, month, day, hour, minute, second, -late)
+
+    # Directions are N90E as it is, V for the vertical; words may stand before them.
     return [
         Series(
             column,
-            _number(step),
+            intervals[place],
             unit,
-            channel=_channel(name),
+            channel=code(name.rpartition(";")[2]).upper(),
             station=code(station[1]) if station else "",
-            start=_start(texts),
+            start=started,
             peak=stated_peak(peaks[place], _GAL, unit) if unit and len(peaks) == len(names) else None,
         )
-        for place, (name, step, column) in enumerate(zip(names, steps, columns, strict=True))
+        for place, (name, column) in enumerate(zip(names, columns, strict=True))
     ]
-
-
-def _of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
-    """The values of all channels, from the lines for the first six and the others."""
-    values = (match[1].strip().lstrip("/").split("/") for match in filter(None, map(pattern.search, texts)))
-    return [value.strip() for value in chain.from_iterable(values) if value.strip()]
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise RecordError(f"its header gives a sampling interval of {text!r}") from None
-
-
-def _channel(direction: str) -> str:
-    """`N90E` as it is, `V` for the vertical."""
-    return code(direction.rpartition(";")[2]).upper()
-
-
-def _start(texts: list[str]) -> datetime | None:
-    """Time of the first sample; its date is that of the earthquake or, just after midnight, the next one."""
-    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
-    if not (date and first):
-        return None
-    year, month, day = map(float, date.groups())
-    hour, minute, second = map(float, first.groups())
-    late = 0.0
-    if origin and int(origin[1]) - int(first[1]) > 12:
-        late = 24.0
-    return moment(year, month, day, hour, minute, second, -late)

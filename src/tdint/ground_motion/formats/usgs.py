@@ -40,16 +40,12 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 def is_smc(file: Any, **_: Any) -> bool:
     """Whether a file begins with this format's kind of series and has eight integers in line 12."""
-    return recognizes(file, _matches)
 
+    def matches(lines: list[str]) -> bool:
+        integers = lines[_TEXTS].split()
+        return bool(_KINDS.match(lines[0])) and len(integers) == 8 and all(n.lstrip("-").isdigit() for n in integers)
 
-def _matches(lines: list[str]) -> bool:
-    integers = lines[_TEXTS].split()
-    return bool(_KINDS.match(lines[0])) and len(integers) == 8 and all(map(_is_integer, integers))
-
-
-def _is_integer(word: str) -> bool:
-    return word.lstrip("-").isdigit()
+    return recognizes(file, matches)
 
 
 @reader
@@ -73,27 +69,30 @@ def read_smc(lines: Lines) -> list[Series]:
         comment = lines.take()
         if not comment.startswith("|"):
             raise RecordError(f"line {lines.number} should be one of {integers[_COMMENTS]:g} comments")
+
+    # A component is up, down or an azimuth in degrees; it has no name where none is known.
+    unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
+    channel = "" if azimuth == unknown else f"{azimuth:g}"
+    if vertical in (0, 180) and vertical != unknown:
+        channel = "DOWN" if vertical else "UP"
+
+    # The peak is the larger of the stated maximum and minimum, where both are known.
+    units = _UNITS[kind[1]]
+    extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
+    peak = StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
     series = Series(
         lines.numbers(int(integers[_SAMPLES]), _VALUE_WIDTH),
         1.0 / reals[_RATE],
-        _UNITS[kind[1]],
-        channel=_component(integers),
+        units,
+        channel=channel,
         station=code(texts[2].replace("*", "")),
         start=_start(integers, texts),
-        peak=_peak(reals, _UNITS[kind[1]]),
+        peak=peak,
         units_from="format",
     )
     if lines.at_numbers():
         raise RecordError(f"line {lines.number + 1} holds more values than its header announces")
     return [series]
-
-
-def _component(integers: list[float]) -> str:
-    """UP, DOWN or the azimuth in degrees; empty if it is not known."""
-    unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
-    if vertical in (0, 180) and vertical != unknown:
-        return "DOWN" if vertical else "UP"
-    return "" if azimuth == unknown else f"{azimuth:g}"
 
 
 def _start(integers: list[float], texts: list[str]) -> datetime | None:
@@ -121,12 +120,6 @@ def _moment(
         return None
     rest = 0.0 if thousandths == unknown else thousandths / 1e3
     return moment(year, month, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + rest)
-
-
-def _peak(reals: list[float], units: str) -> StatedPeak | None:
-    """The larger of the stated maximum and minimum, None if they are not known."""
-    extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
-    return StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
 
 
 _TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)

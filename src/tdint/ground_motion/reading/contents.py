@@ -83,7 +83,13 @@ def read_bytes(source: str | Path) -> bytes:
     try:
         content = read_at_most(source, LARGEST, RecordError)
     except FileNotFoundError:
-        raise RecordError(f"{source}: there is no such file{_name_hint(str(source))}") from None
+        # What the user may have meant by a name that is no file.
+        hint = ""
+        if "://" in str(source):
+            hint = "; addresses are not fetched, download the record first"
+        elif any(sign in str(source) for sign in "*?["):
+            hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+        raise RecordError(f"{source}: there is no such file{hint}") from None
     except IsADirectoryError:
         raise RecordError(f"{source}: is a directory; name the record's file in it") from None
     except PermissionError:
@@ -102,15 +108,6 @@ def digested(data: bytes, source: str | Path) -> Input:
     """What was read from a file, by name and SHA-256."""
     note_input(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
-
-
-def _name_hint(name: str) -> str:
-    """What the user may have meant by a name that is no file."""
-    if "://" in name:
-        return "; addresses are not fetched, download the record first"
-    if any(sign in name for sign in "*?["):
-        return "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
-    return ""
 
 
 def is_archive(data: bytes) -> bool:
@@ -135,7 +132,12 @@ def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
 def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
-            files = [info for info in archive.infolist() if not info.is_dir() and not _is_hidden(info.filename)]
+            files = []
+            for info in archive.infolist():
+                # What systems put into archives beside the user's files is passed over.
+                is_hidden = any(part.startswith((".", "__MACOSX")) for part in info.filename.split("/"))
+                if not (info.is_dir() or is_hidden):
+                    files.append(info)
             if len(files) > _MOST_MEMBERS:
                 raise RecordError(f"{source}: the archive holds {len(files)} files; take out those of the motion")
             for info in files:
@@ -164,10 +166,6 @@ def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, budget:
             if budget[0] < 0:
                 raise RecordError(f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first")
     return bytes(content)
-
-
-def _is_hidden(name: str) -> bool:
-    return any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
 
 
 @dataclass(frozen=True)
@@ -213,18 +211,14 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
 def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, Contents]]:
     """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
-    parts = _records_in(data, source, layout) if is_archive(data) else [(source, data)]
+    parts = [(source, data)]
+    if is_archive(data):
+        files = members(data, source)
+        parts = [(part, content) for part, content in files if _format_of(content, layout)]
+        if not parts:
+            listed = ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10]) or "nothing"
+            raise RecordError(f"{source}: the archive holds no record of a known format; it holds {listed}")
     return [(part, read_contents(content, part, layout)) for part, content in parts]
-
-
-def _records_in(data: bytes, name: str, layout: TextLayout) -> list[tuple[str, bytes]]:
-    """The files of known formats in an archive."""
-    files = members(data, name)
-    records = [(part, content) for part, content in files if _format_of(content, layout)]
-    if not records:
-        listed = ", ".join(part.removeprefix(f"{name}/")[:60] for part, _ in files[:10]) or "nothing"
-        raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
-    return records
 
 
 def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> Contents:
@@ -253,6 +247,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     try:
         if plugin.name != TABLES:
             layout.check_format(plugin.name)
+        # Before the reader of another program sees the bytes: some of them never end, or crash, on bad ones.
         looked_at = look_at(plugin.name, data)
         traces, messages = _read(plugin, data, layout)
         if damage := next(filter(_DAMAGE.search, messages), None):
@@ -267,6 +262,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(f"{source}: {error}") from error
     except struct.error as error:
         raise RecordError(f"{source}: the file is cut off within its header ({plugin.name})") from error
+    # A recorder's log is a channel, too, of text.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
@@ -303,11 +299,29 @@ def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
 
 def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
     plugin = _format_of(data, layout)
-    if plugin is None:
-        formats = ", ".join(plugin.name for plugin in plugins())
-        reason = _foreign(data) or f"unknown format{_hint(data, layout)}; those that are read: {formats}"
-        raise RecordError(f"{source}: {reason}")
-    return plugin
+    if plugin is not None:
+        return plugin
+
+    # Compressed files and pickled objects are told by their first bytes.
+    for start, archive in _ARCHIVES.items():
+        if data.startswith(start):
+            raise RecordError(f"{source}: the file is compressed ({archive}); uncompress it first")
+    if data.startswith(b"\x80") and data.endswith(b"."):
+        look = "by its look a pickled object: loading one can run code; write it as MiniSEED"
+        raise RecordError(f"{source}: unknown format, {look}")
+
+    # A table in a text that tells nothing of it can be read with what the user says.
+    hint = ""
+    if layout:
+        hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
+    else:
+        from tdint.ground_motion.formats.text import first_row
+
+        if (line := first_row(BytesIO(data), layout)) is not None:
+            above = f", past the lines above by `skip_lines={line - 1}`," if line > 1 else ""
+            hint = f" (a table of numbers begins in line {line}: tell by `step` and `column`{above} what it is)"
+    formats = ", ".join(plugin.name for plugin in plugins())
+    raise RecordError(f"{source}: unknown format{hint}; those that are read: {formats}")
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
@@ -319,34 +333,11 @@ def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
     return plugin_of_data
 
 
-def _hint(data: bytes, layout: TextLayout) -> str:
-    """What may help where a table stands in a text that tells nothing of it."""
-    if layout:
-        return f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
-    from tdint.ground_motion.formats.text import first_row
-
-    line = first_row(BytesIO(data), layout)
-    if line is None:
-        return ""
-    above = f", past the lines above by `skip_lines={line - 1}`," if line > 1 else ""
-    return f" (a table of numbers begins in line {line}: tell by `step` and `column`{above} what it is)"
-
-
 def _accepts(plugin: Plugin, data: bytes, **said: Any) -> bool:
     try:
         return bool(_load(plugin.is_format)(BytesIO(data), **said))
     except Exception:  # A check that stumbles over foreign bytes has not recognized them.
         return False
-
-
-def _foreign(data: bytes) -> str | None:
-    """What a file that is no record looks like, where a better message than its unknown format can be given."""
-    for start, archive in _ARCHIVES.items():
-        if data.startswith(start):
-            return f"the file is compressed ({archive}); uncompress it first"
-    if data.startswith(b"\x80") and data.endswith(b"."):
-        return "unknown format, by its look a pickled object: loading one can run code; write it as MiniSEED"
-    return None
 
 
 def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:

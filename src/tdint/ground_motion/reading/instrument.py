@@ -51,7 +51,19 @@ def read_instruments(source: str | Path) -> Instruments:
         The file cannot be read, or is not StationXML.
     """
     data = read_bytes(source)
-    _refuse_definitions(data, str(source))
+
+    # A document type definition could name other files by its entities: it is refused, in whatever encoding.
+    def refuse(*_: object) -> None:
+        raise RecordError(f"{source}: an inventory with a document type definition is not read")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
+
     (read_format,) = distribution("obspy").entry_points.select(
         group="obspy.plugin.inventory.STATIONXML", name="readFormat"
     )
@@ -63,21 +75,6 @@ def read_instruments(source: str | Path) -> Instruments:
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
         reason = one_line(str(error))
         raise RecordError(f"{source}: cannot be read as StationXML: {reason}") from error
-
-
-def _refuse_definitions(data: bytes, source: str) -> None:
-    """Refuse an XML file with a document type definition, in whatever encoding: an entity could name other files."""
-
-    def refuse(*_: object) -> None:
-        raise RecordError(f"{source}: an inventory with a document type definition is not read")
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
 
 
 def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[Array, tuple[str, ...]]:
@@ -123,11 +120,15 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
         raise RecordError(f"{label}: its response in {instruments.source} cannot be removed: {reason}") from error
     faded = f", frequencies are faded out from {fade[0]:.4g} to {fade[1]:.4g} Hz" if fade else ""
     notes = [mean_note, f"the instrument's response ({instruments.source}) is removed{faded}"]
-    unit = _input_unit(response)
+    of_input = response.instrument_sensitivity or response.response_stages[0]
+    unit = str(of_input.input_units or "unknown units").upper()
     if unit not in _ACCELEROMETER_INPUT:
         notes.append(f"the instrument records {unit}, not acceleration: its long periods are amplified noise")
     # Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed.
-    passed = np.ones_like(frequencies) if fade is None else _fading(frequencies, *fade)
+    passed = np.ones_like(frequencies)
+    if fade is not None:
+        part = np.clip((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0, 1.0)
+        passed = 0.5 * (1.0 + np.cos(np.pi * part)) * (part < 1.0)
     finite = np.isfinite(counts) & (counts != 0.0) & (passed > 0.0)
     spectrum = np.fft.rfft(samples, 2 * (counts.size - 1))
     spectrum[finite] *= passed[finite] / counts[finite]
@@ -153,15 +154,14 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
     return response
 
 
-def _fading(frequencies: Array, start: float, end: float) -> Array:
-    """One up to the frequency `start`, zero from `end` on, a half wave of the cosine in between."""
-    part = np.clip((frequencies - start) / (end - start), 0.0, 1.0)
-    return 0.5 * (1.0 + np.cos(np.pi * part)) * (part < 1.0)
-
-
 def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
     """Frequencies, Hz, from which on and up to which the digital filters pass less and less; None if they pass all."""
-    digital = [stage.stage_sequence_number for stage in response.response_stages if _is_digital(stage)]
+    digital = []
+    for stage in response.response_stages:
+        # Filters of samples, not of voltages.
+        kind = getattr(stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", ""))
+        if hasattr(stage, "symmetry") or str(kind).startswith("DIGITAL"):
+            digital.append(stage.stage_sequence_number)
     if not digital:
         return None
     values, frequencies = response.get_evalresp_response(
@@ -174,15 +174,3 @@ def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
     stopped = np.flatnonzero(passed[start:] <= _LEFT)
     end = start + int(stopped[0]) if stopped.size else passed.size - 1
     return float(frequencies[start]), float(frequencies[end])
-
-
-def _is_digital(stage: Any) -> bool:
-    """Whether a stage is a filter of samples, not of voltages."""
-    kind = getattr(stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", ""))
-    return hasattr(stage, "symmetry") or str(kind).startswith("DIGITAL")
-
-
-def _input_unit(response: Any) -> str:
-    sensitivity = response.instrument_sensitivity
-    unit = sensitivity.input_units if sensitivity else response.response_stages[0].input_units
-    return str(unit or "unknown units").upper()

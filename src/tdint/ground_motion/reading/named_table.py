@@ -18,7 +18,7 @@ from tdint.ground_motion.reading.contents import digested, read_bytes
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.sampling_interval import equal_steps
 from tdint.ground_motion.signal import Signal
-from tdint.units import Units, parse_units
+from tdint.units import parse_units
 
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in the name of a column, and their values in s."""
@@ -83,6 +83,7 @@ def read_named_table(source: str | Path) -> NamedTable:
     """
     data = read_bytes(source)
     lines = data.decode("utf-8-sig", "replace").splitlines()
+    # Beside semicolons and tabs a comma is a decimal point, so that these come first.
     mark = next((mark for mark in ("\t", ";", ",") if mark in lines[0]), ",")
     names = tuple(name.strip().strip("\"'") for name in lines[0].split(mark))
     rows = []
@@ -125,7 +126,14 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         raise RecordError(f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}")
     times = SECONDS[time_units or "s"] * table.numbers(0)
     place = table.place(column)
-    stated = parse_units(units) if units else _units_of(column, str(source))
+    try:
+        stated = parse_units(units or name_and_units(column)[1])
+    except UsageError:
+        if units:
+            raise
+        raise RecordError(
+            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
+        ) from None
     try:
         step = equal_steps(times)
     except RecordError as error:
@@ -141,13 +149,3 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         warnings=(),
         input=table.input,
     )
-
-
-def _units_of(column: str, source: str) -> Units:
-    _, text = name_and_units(column)
-    try:
-        return parse_units(text)
-    except UsageError:
-        raise RecordError(
-            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
-        ) from None

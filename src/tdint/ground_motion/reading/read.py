@@ -271,8 +271,11 @@ def make_record(
         label = name or "array"
         if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
             raise RecordError(f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s")
+        # An array becomes a trace first: units and doubts are then those of a file.
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
-        traces = [_trace(checked, component or "")]
+        with quiet_import():
+            from obspy import Trace
+        traces = [Trace(checked.acceleration.copy(), {"delta": checked.dt, "channel": component or ""})]
         component = None
     components = [
         _Component(label, Contents(str(traces[0].stats.get("_format", "")), [], (), ()), channel)
@@ -283,14 +286,6 @@ def make_record(
     elif len(components) > 1:
         raise RecordError(f"{label}: there are several components, choose one: {_listed(components)}")
     return _to_record(components[0], join(components[0].channel, components[0].label), said, None)
-
-
-def _trace(record: Record, component: str) -> Any:
-    """A trace of a record's samples as they are."""
-    with quiet_import():
-        from obspy import Trace
-
-    return Trace(record.acceleration.copy(), {"delta": record.dt, "channel": component})
 
 
 def read_horizontals(
@@ -336,17 +331,16 @@ def _read(
     if said.for_all and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     components, input_file = _components(source, component, layout, single=single)
-    instruments = None if inventory is None else _instruments(inventory)
+    instruments = None
+    if inventory is not None:
+        from tdint.ground_motion.reading.instrument import read_instruments
+
+        instruments = read_instruments(inventory)
     records = [_to_record(part, trace, said, instruments) for part, trace in components]
+    # A record tells the files that it comes from: the inventory only where its response was taken.
     stations = (instruments.input,) if instruments else ()
-    inputs = [(input_file, *(stations if one.units_from == "inventory" else ())) for one in records]
-    return tuple(replace(one, inputs=files) for one, files in zip(records, inputs, strict=True))
-
-
-def _instruments(inventory: str | Path) -> Instruments:
-    from tdint.ground_motion.reading.instrument import read_instruments
-
-    return read_instruments(inventory)
+    inputs = [(input_file, *(stations if record.units_from == "inventory" else ())) for record in records]
+    return tuple(replace(record, inputs=files) for record, files in zip(records, inputs, strict=True))
 
 
 def read_signal(source: str | Path, *, units: str | None = None, component: str | None = None) -> Signal:
@@ -385,30 +379,28 @@ def _components(
     components = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
-    components = _without_integrals(components, component)
+
+    # Velocities and displacements that tdint exported beside accelerations are taken by their full id only.
+    ids = {member.channel.id.upper() for member in components}
+    asked, accelerations = (component or "").strip().upper(), []
+    for member in components:
+        if (id := member.channel.id.upper()) != asked:
+            network, station, location, code = id.split(".")
+            is_integral = location in UNITS_BY_LOCATION and location != IN_SI
+            if is_integral and f"{network}.{station}.{IN_SI}.{code}" in ids:
+                continue
+        accelerations.append(member)
+    components = accelerations
     if component is not None:
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
     traces = [join(member.channel, member.label) for member in components]
+    # Components of one file go together; those of an archive's other files need not.
     for part, _ in parts:
         of_part = (trace for member, trace in zip(components, traces, strict=True) if member.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
     return list(zip(components, traces, strict=True)), digested(data, source)
-
-
-def _without_integrals(components: list[_Component], named: str | None) -> list[_Component]:
-    """The channels without the velocities and displacements that tdint exported beside accelerations, unless one is
-    named by its full id."""
-    ids = {one.channel.id.upper() for one in components}
-
-    def is_beside(one: _Component) -> bool:
-        network, station, location, code = one.channel.id.upper().split(".")
-        beside = location in UNITS_BY_LOCATION and location != IN_SI
-        return beside and f"{network}.{station}.{IN_SI}.{code}" in ids
-
-    asked = (named or "").strip().upper()
-    return [one for one in components if one.channel.id.upper() == asked or not is_beside(one)]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ that no entry fits says its units itself. Upper and lower case are the same.
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -67,9 +67,19 @@ def file_units(given: SampleUnits | None) -> FileUnits:
     if given is None:
         return FileUnits()
     stated = units_of_text(given) if isinstance(given, str) else given
-    if isinstance(stated, Mapping):
-        return FileUnits(tuple((_pattern(name), _units(name, text)) for name, text in stated.items()))
-    return FileUnits((("*", parse_units(stated)),), for_all=True)
+    if not isinstance(stated, Mapping):
+        return FileUnits((("*", parse_units(stated)),), for_all=True)
+    entries = []
+    for name, text in stated.items():
+        pattern = _pattern(name)
+        if not isinstance(text, str):
+            raise UsageError(f"units of {name[:40]!r} are a text such as 'm/s^2', got {text!r:.40}")
+        try:
+            units = None if text.strip().lower() in _COUNTS else parse_units(text)
+        except UsageError as error:
+            raise UsageError(f"of {name[:40]!r}, {error}") from None
+        entries.append((pattern, units))
+    return FileUnits(tuple(entries))
 
 
 def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
@@ -87,34 +97,30 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     UsageError, ModelError
         As of `file_units`.
     """
+    by_file: dict[str, str] = {}
     if "=" in text:
-        return dict(_entries(text))
-    if text.strip().lower().endswith(".csv"):
-        return _of_table(str((folder or Path()) / text.strip()))
-    return text
+        for entry in text.split(","):
+            pattern, equals, units = (part.strip() for part in entry.partition("="))
+            if not (pattern and equals and units):
+                example = "FORMAT=UNITS or *.SUFFIX=UNITS, such as AT2=g,*.mseed=m/s^2"
+                raise UsageError(f"units {entry[:40]!r}: write {example}")
+            by_file[pattern] = units
+        return by_file
+    if not text.strip().lower().endswith(".csv"):
+        return text
 
-
-def _entries(text: str) -> Iterator[tuple[str, str]]:
-    for entry in text.split(","):
-        pattern, equals, units = (part.strip() for part in entry.partition("="))
-        if not (pattern and equals and units):
-            raise UsageError(f"units {entry[:40]!r}: write FORMAT=UNITS or *.SUFFIX=UNITS, such as AT2=g,*.mseed=m/s^2")
-        yield pattern, units
-
-
-def _of_table(file: str) -> dict[str, str]:
-    """Units by the files of a table; those without units say theirs themselves."""
+    # Files of a table without units say theirs themselves.
+    file = str((folder or Path()) / text.strip())
     table = read_table(
         file, "a table of units is a CSV file with the columns record, units", columns=("record", "units")
     )
     table.need("record", "units")
-    units: dict[str, str] = {}
-    for record, (line, text) in zip(table.texts("record", empty=False), table.lines("units"), strict=True):
+    for record, (line, cell) in zip(table.texts("record", empty=False), table.lines("units"), strict=True):
         # A name in the table stands for the end of a path, whatever signs it has in it.
-        name = f"./{glob.escape(record)}"
-        if text.strip() and units.setdefault(name, text.strip()) != text.strip():
-            raise UsageError(f"{file}:{line}: {record} has two units, {units[name]} and {text.strip()}")
-    return units
+        name, units = f"./{glob.escape(record)}", cell.strip()
+        if units and by_file.setdefault(name, units) != units:
+            raise UsageError(f"{file}:{line}: {record} has two units, {by_file[name]} and {units}")
+    return by_file
 
 
 def _is_path(pattern: str) -> bool:
@@ -141,14 +147,3 @@ def _pattern(name: str) -> str:
     # Folders above are not known by name: what is left of the path is its end.
     path = PurePosixPath(*(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != ".."))
     return str(path) if path.is_absolute() else f"{_END}{path}"
-
-
-def _units(name: str, text: str) -> Units | None:
-    if not isinstance(text, str):
-        raise UsageError(f"units of {name[:40]!r} are a text such as 'm/s^2', got {text!r:.40}")
-    if text.strip().lower() in _COUNTS:
-        return None
-    try:
-        return parse_units(text)
-    except UsageError as error:
-        raise UsageError(f"of {name[:40]!r}, {error}") from None

@@ -111,9 +111,14 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
         )
     if declared:
         return _by_the_file(trace, declared, asked, label)
-    if are_counts(trace) and not (asked and asked.has_factor):
-        raise RecordError(f"{label}: {_why_refused(trace, asked)}")
+    # What stands in no unit: counts need the value of one, samples with a unit are taken at it.
     calibration = float(trace.stats.calib)
+    if are_counts(trace) and not (asked and asked.has_factor):
+        if asked:
+            write = f'write "1 {asked.text}" if one count is 1 {asked.text}'
+            raise RecordError(f"{label}: the samples are counts; {write}, else {_CURES}")
+        factor = "" if calibration == 1.0 else f" (the header's calibration factor {calibration:g} has no unit)"
+        raise RecordError(f"{label}: the samples are counts of a recorder, not an acceleration{factor}; {_CURES}")
     notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
     if asked:
         return _motion(_times(trace.data, asked.scale), asked, "given", notes)
@@ -216,14 +221,6 @@ def _times(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
         return np.asarray(samples, dtype=np.float64) * factor
 
 
-def _why_refused(trace: Any, asked: Units | None) -> str:
-    if asked:
-        return f'the samples are counts; write "1 {asked.text}" if one count is 1 {asked.text}, else {_CURES}'
-    calibration = float(trace.stats.calib)
-    factor = "" if calibration == 1.0 else f" (the header's calibration factor {calibration:g} has no unit)"
-    return f"the samples are counts of a recorder, not an acceleration{factor}; {_CURES}"
-
-
 def _ascii_unit(trace: Any) -> str:
     """Unit in the header of a TIMESERIES file, empty if none."""
     unit = str(trace.stats.get("ascii", {}).get("unit", "")).upper()
@@ -256,7 +253,19 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
             f"{label}: MiniSEED does not tell the units of its samples, and {code or 'a channel without a code'} "
             f"is no accelerometer's channel (HN?, BN?), whose samples would be taken as m/s^2; {_CURE}"
         )
-    if doubt := _doubt(np.asarray(trace.data, dtype=np.float64)):
+
+    # Numbers that can hardly be a ground acceleration in m/s^2.
+    samples = np.asarray(trace.data, dtype=np.float64)
+    peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
+    at_rest = next((name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR * g), "")
+    doubt = ""
+    if peak > _LARGEST:
+        doubt = f"the largest would be {peak:.4g} m/s^2, over 3 g"
+    elif at_rest:
+        doubt = f"their mean is {mean:.5g}, {at_rest} by its look"
+    elif peak and not np.any(samples % 1.0):
+        doubt = "all are whole numbers, counts by their look"
+    if doubt:
         raise RecordError(
             f"{label}: MiniSEED does not tell the units of its samples, and m/s^2 is unlikely: {doubt}; {_CURE}"
         )
@@ -264,16 +273,3 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         "m/s^2 is assumed for floating-point samples of an accelerometer's channel in MiniSEED, which has no units; "
         "give them to be sure"
     )
-
-
-def _doubt(samples: np.ndarray[Any, np.dtype[np.float64]]) -> str:
-    """Why samples can hardly be a ground acceleration in m/s^2, empty if they can."""
-    peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
-    if peak > _LARGEST:
-        return f"the largest would be {peak:.4g} m/s^2, over 3 g"
-    for gravity, name in _GRAVITIES.items():
-        if abs(abs(mean) - gravity) <= _NEAR * gravity:
-            return f"their mean is {mean:.5g}, {name} by its look"
-    if peak and not np.any(samples % 1.0):
-        return "all are whole numbers, counts by their look"
-    return ""

@@ -186,6 +186,7 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
         except RecordError as error:
             failures.append(error)
             continue
+        # A vertical one is left out, unless the user names it.
         left = [component for component in components if choice.component is None and is_vertical(component.component)]
         if left and len(left) == len(components):
             failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
@@ -205,6 +206,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
         No file has one of the names given.
     """
     choice = choice or RecordChoice()
+    # Files go together by their names alone, before any of them is read.
     groups, others = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []

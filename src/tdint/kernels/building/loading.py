@@ -104,7 +104,7 @@ def _parts(arguments: Sequence[Argument]) -> tuple[list[Any], list[Callable[[Any
                 parts.append(_number(convert))
             case Signature():
                 types.append(ctypes.c_int64)
-                parts.append(_address)
+                parts.append(lambda kernel, flat: flat.append(kernel.address))
     return types, parts
 
 
@@ -126,7 +126,3 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
 
 def _number(convert: Callable[[Any], Any]) -> Callable[[Any, list[Any]], None]:
     return lambda value, flat: flat.append(convert(value))
-
-
-def _address(kernel: Any, flat: list[Any]) -> None:
-    flat.append(kernel.address)

@@ -30,7 +30,7 @@ _ONE_AT_A_TIME = threading.Lock()
 """LLVM loads objects into a process, and may not be asked to by two threads at once."""
 
 
-def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
+def obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
     """Load kernels into this process; what no store has is compiled, in processes side by side, and kept.
 
     TDINT_KERNELS=python takes the kernels as they are written, not compiled.
@@ -45,14 +45,14 @@ def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
     AnalysisError
         A kernel cannot be compiled.
     """
-    if all(kernel.loaded(variant) for kernel, variant in wanted):
+    if all(kernel.loaded(variant) for kernel, variant in pairs):
         return
     with _ONE_AT_A_TIME:
-        _obtain(wanted, progress)
+        _obtain(pairs, progress)
 
 
-def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
-    missing = [(kernel, kernel.needs(variant)) for kernel, variant in wanted if not kernel.loaded(variant)]
+def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
+    missing = [(kernel, kernel.needs(variant)) for kernel, variant in pairs if not kernel.loaded(variant)]
     how = os.environ.get("TDINT_KERNELS", "")
     if how not in ("", "python", "whole", "compile"):
         raise UsageError(f"TDINT_KERNELS={how}: it is python, whole, or not set")
@@ -81,16 +81,16 @@ def _serving(variant: Variant) -> tuple[Variant, ...]:
     return (variant,) if variant.outside else (variant, EVERYTHING)
 
 
-def _not_found(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, Variant]]:
+def _not_found(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, Variant]]:
     """Load what a store has; the rest."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     absent = []
-    for kernel, variant in wanted:
-        for one in _serving(variant):
-            found = store.look_up(kernel.name, one.text, runnable())
-            if found and _load(kernel, variant, *found[1:]):
+    for kernel, variant in pairs:
+        for serving in _serving(variant):
+            stored = store.look_up(kernel.name, serving.text, runnable())
+            if stored and _load(kernel, variant, *stored[1:]):
                 break
         else:
             absent.append((kernel, variant))
@@ -98,7 +98,7 @@ def _not_found(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compi
 
 
 def _compile(
-    wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None], folder: Path | None
+    absent: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None], folder: Path | None
 ) -> None:
     from tdint.kernels.building import store
     from tdint.kernels.building.loading import unpack
@@ -106,30 +106,31 @@ def _compile(
     from tdint.kernels.building.target import NATIVE
 
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
-    count = len(wanted)
+    count = len(absent)
     loops = "loop" if count == 1 else "loops"
-    names = ", ".join(dict.fromkeys(map(_shown, wanted)))
+    names = ", ".join(dict.fromkeys(map(_shown, absent)))
     LOG.info(
-        "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(wanted), names, kept
+        "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(absent), names, kept
     )
-    running = run_all(compilations((*pair, NATIVE) for pair in wanted))
-    for done, (one, (data,)) in enumerate(running):
-        progress(done / len(wanted))
+    running = run_all(compilations((*pair, NATIVE) for pair in absent))
+    for done, (compilation, (data,)) in enumerate(running):
+        progress(done / count)
+        kernel, variant = compilation.kernel, compilation.variant
         code, about = unpack(data)
-        if store.keep(data, one.kernel.name, one.variant.text, one.targets[NATIVE]) is None and folder:
+        if store.keep(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None and folder:
             LOG.info("%s cannot be written: what was compiled serves this run only", folder)
-        if not _load(one.kernel, one.variant, code, about["symbol"]):
-            raise RuntimeError(f"{one.kernel.name}: the object cannot be loaded")
+        if not _load(kernel, variant, code, about["symbol"]):
+            raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
 
 
-def duration(wanted: Sequence[tuple[Compilable, Variant]]) -> int:
+def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Roughly how long it takes to compile, s, as measured on processors of 2024."""
-    each = [_SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1] for kernel, variant in wanted]
+    each = [_SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1] for kernel, variant in pairs]
     return round(max(max(each), sum(each) / processors()))
 
 
-def _shown(wanted: tuple[Compilable, Variant]) -> str:
-    kernel, variant = wanted
+def _shown(pair: tuple[Compilable, Variant]) -> str:
+    kernel, variant = pair
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
     return kernel.name.partition(":")[0].rpartition(".")[2] + laws
 
@@ -159,7 +160,7 @@ def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def compile_ahead(
-    wanted: Iterable[tuple[Compilable, Variant]],
+    pairs: Iterable[tuple[Compilable, Variant]],
     targets: Iterable[str],
     folder: Path | None,
     progress: Callable[[float], None],
@@ -188,11 +189,11 @@ def compile_ahead(
     from tdint.kernels.building import store
     from tdint.kernels.building.target import named
 
-    pairs = dict.fromkeys((kernel, variant.only(kernel.parts)) for kernel, variant in wanted)
+    kernels = dict.fromkeys((kernel, variant.only(kernel.parts)) for kernel, variant in pairs)
     missing = [
         (kernel, variant, target)
         for target in dict.fromkeys(targets)
-        for kernel, variant in pairs
+        for kernel, variant in kernels
         if not store.has(kernel.name, variant.text, named(target), folder)
     ]
     written: list[Path] = []
@@ -220,25 +221,25 @@ def _made(missing: Iterable[tuple[Compilable, Variant, str]]) -> Iterator[tuple[
     absent = []
     for kernel, variant, name in missing:
         target = named(name)
-        if found := store.look_up(kernel.name, variant.text, (target,)):
-            yield kernel, variant, target, found[0].read_bytes()
+        if stored := store.look_up(kernel.name, variant.text, (target,)):
+            yield kernel, variant, target, stored[0].read_bytes()
         else:
             absent.append((kernel, variant, name))
-    for one, packed in run_all(compilations(absent)):
-        for target, data in zip(one.targets.values(), packed, strict=True):
-            yield one.kernel, one.variant, target, data
+    for compilation, packed in run_all(compilations(absent)):
+        for target, data in zip(compilation.targets.values(), packed, strict=True):
+            yield compilation.kernel, compilation.variant, target, data
 
 
-def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
+def shown(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
     """Each kernel, its variant, the file that is loaded for it, and where that comes from; empty for one to be
     compiled."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     rows = []
-    for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in wanted):
-        tried = (store.look_up(kernel.name, one.text, runnable()) for one in _serving(variant))
-        found = next(filter(None, tried), None)
-        file, origin = (str(found[0]), store.origin(found[0])) if found else ("", "")
+    for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in pairs):
+        tried = (store.look_up(kernel.name, serving.text, runnable()) for serving in _serving(variant))
+        stored = next(filter(None, tried), None)
+        file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
         rows.append((kernel.name, variant.text.replace(",", " "), file, origin))
     return rows

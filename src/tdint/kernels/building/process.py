@@ -92,10 +92,10 @@ class Compilation:
             place = next((f"{file}:{line}" for file in files if (line := _line_of(missing[1], file))), "")
         else:
             named = {file.name: file for file in reversed(files)}
-            found = filter(None, map(_PLACE.search, (*behind, *text[::-1])))
-            places = [f"{named[one[1]]}:{one[2]}" for one in found if one[1] in named]
-            own = [one for one in places if one.startswith(tuple(outside))] if outside else []
-            place = next(iter([*own, *places]), "")
+            matches = filter(None, map(_PLACE.search, (*behind, *text[::-1])))
+            places = [f"{named[match[1]]}:{match[2]}" for match in matches if match[1] in named]
+            in_plugins = [place for place in places if place.startswith(tuple(outside))] if outside else []
+            place = next(iter([*in_plugins, *places]), "")
         return f"{place or (outside[-1] if outside else '')}: {said}".removeprefix(": ")
 
 
@@ -129,7 +129,7 @@ class _Process:
         self._beside = ThreadPoolExecutor(1)  # a temporary file would need a folder for it
         self._words = self._beside.submit(self._pipe(self._process.stderr).read)
 
-    def compile(self, wanted: Compilation) -> list[bytes]:
+    def compile(self, compilation: Compilation) -> list[bytes]:
         """The packed object for each target.
 
         Raises
@@ -139,18 +139,22 @@ class _Process:
         """
         try:
             asked = self._pipe(self._process.stdin)
-            asked.write(json.dumps(wanted.request).encode() + b"\n")
+            asked.write(json.dumps(compilation.request).encode() + b"\n")
             asked.flush()
         except OSError:  # it has ended, and says why
             pass
-        packed = list(_packed(self._pipe(self._process.stdout), len(wanted.targets)))
-        if len(packed) == len(wanted.targets):
+        # What `build` writes, an object for each target, or as far as it comes.
+        written = self._pipe(self._process.stdout)
+        packed: list[bytes] = []
+        while len(packed) < len(compilation.targets) and (size_of_object := written.readline()):
+            packed.append(written.read(int(size_of_object)))
+        if len(packed) == len(compilation.targets):
             return packed
         code = self._process.wait()
         text = self._words.result().decode(errors="replace").strip().splitlines()
-        said = wanted.reason(text) or f"exit code {code}"
+        said = compilation.reason(text) or f"exit code {code}"
         whole = RuntimeError("\n".join(text))  # shown with --debug
-        raise AnalysisError(f"{wanted.kernel.name} cannot be compiled: {said}") from whole
+        raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {said}") from whole
 
     def end(self) -> None:
         """End it, whatever it does."""
@@ -185,7 +189,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
         One cannot be compiled.
     """
     if compilations and importlib.util.find_spec("numba") is None:
-        names = ", ".join(dict.fromkeys(one.kernel.name for one in compilations))
+        names = ", ".join(dict.fromkeys(compilation.kernel.name for compilation in compilations))
         raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
     crew = _Crew(compilations)
     count = min(processors(), len(compilations))
@@ -194,10 +198,10 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
             for _ in range(count):
                 pool.submit(crew.work)
             for _ in compilations:
-                one, packed = crew.done.get()
+                compilation, packed = crew.done.get()
                 if isinstance(packed, BaseException):
                     raise packed
-                yield one, packed
+                yield compilation, packed
         finally:
             crew.stop()
 
@@ -208,7 +212,7 @@ class _Crew:
     def __init__(self, compilations: Sequence[Compilation]) -> None:
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
         self._lock = Lock()
-        self._waiting = sorted(compilations, key=lambda one: size(one.kernel.name), reverse=True)
+        self._waiting = sorted(compilations, key=lambda compilation: size(compilation.kernel.name), reverse=True)
         self._in_work: list[str] = []
         self._processes: set[_Process] = set()
 
@@ -239,35 +243,28 @@ class _Crew:
         with self._lock:
             if last:
                 self._in_work.remove(last.module)
-            alike = [one for one in self._waiting if last and one.settings == last.settings]
-            near = [one for one in alike if last and one.module == last.module]
-            others = [one for one in alike or self._waiting if one.module not in self._in_work]
-            found = next(iter(near or others or self._waiting), None)
-            if found:
-                self._waiting.remove(found)
-                self._in_work.append(found.module)
-            return found
+            alike = [waiting for waiting in self._waiting if last and waiting.settings == last.settings]
+            near = [waiting for waiting in alike if last and waiting.module == last.module]
+            others = [waiting for waiting in alike or self._waiting if waiting.module not in self._in_work]
+            following = next(iter(near or others or self._waiting), None)
+            if following:
+                self._waiting.remove(following)
+                self._in_work.append(following.module)
+            return following
 
-    def _start(self, wanted: Compilation) -> _Process:
+    def _start(self, compilation: Compilation) -> _Process:
         with self._lock:
             try:
-                process = _Process(wanted.settings)
+                process = _Process(compilation.settings)
             except OSError as error:
-                name = wanted.kernel.name
+                name = compilation.kernel.name
                 raise AnalysisError(f"{name} cannot be compiled: no process can be started ({error})") from None
             self._processes.add(process)
             return process
 
     def _end(self, process: _Process | None) -> None:
         with self._lock:
-            known = process in self._processes
+            running = process in self._processes
             self._processes.discard(process)
-        if process and known:
+        if process and running:
             process.end()
-
-
-def _packed(stream: IO[bytes], count: int) -> Iterator[bytes]:
-    """What `build` writes for so many targets, or as far as it comes."""
-    while count and (size := stream.readline()):
-        yield stream.read(int(size))
-        count -= 1

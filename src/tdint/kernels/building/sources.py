@@ -43,10 +43,10 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
     laws : tuple of str
         The drift laws that the kernel is compiled for, by name; those left out do not count. Empty for all.
     """
-    found = hashlib.sha256()
+    whole = hashlib.sha256()
     for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
-        found.update(name.encode() + b"\0" + _read(file)[0])
-    return found.hexdigest()[:12]
+        whole.update(name.encode() + b"\0" + _read(file)[0])
+    return whole.hexdigest()[:12]
 
 
 def size(kernel: str) -> int:
@@ -57,11 +57,11 @@ def size(kernel: str) -> int:
 @cache
 def digest_of_all() -> str:
     """Hash of the sources of all kernels and methods, for what is computed by several of them."""
-    found = hashlib.sha256()
+    whole = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
-            found.update(file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
-    return found.hexdigest()[:12]
+            whole.update(file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    return whole.hexdigest()[:12]
 
 
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
@@ -70,27 +70,27 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     A module that is not the package's counts by the file it was loaded from, and so does what it imports.
     A law's module has the law's name.
     """
-    wanted = {"law", *(name.replace("-", "_") for name in laws)}
-    found: dict[str, Path] = {}
+    law_modules = {"law", *(name.replace("-", "_") for name in laws)}
+    files: dict[str, Path] = {}
     new = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while new:
         name = new.pop()
         file = _file(name)
-        if name in found or file is None:
+        if name in files or file is None:
             continue
-        found[name] = file
+        files[name] = file
         new += [
             imported
             for imported in (_read(file)[1] if name.startswith("tdint.") else _imported(file, name))
             if not imported.startswith(_BUILDING)
-            and not (laws and name == _LAWS and imported.rpartition(".")[2] not in wanted)
+            and not (laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules)
         ]
-    return found
+    return files
 
 
 def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
     """SHA-256 of the files of modules from outside and of what they import, by their names; `package` stands before."""
-    found: dict[str, str] = {}
+    digests: dict[str, str] = {}
     seen, new = set[str](), list(modules)
     while new:
         name = new.pop()
@@ -99,9 +99,9 @@ def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
         seen.add(name)
         # A file of its own by its name, one of a package with the package's: `helpers/rows.py`.
         depth = name.count(".") + 1 + (file.stem == "__init__")
-        found[package + "/".join(file.parts[-depth:])] = hashlib.sha256(file.read_bytes()).hexdigest()
+        digests[package + "/".join(file.parts[-depth:])] = hashlib.sha256(file.read_bytes()).hexdigest()
         new += _imported(file, name)
-    return dict(sorted(found.items()))
+    return dict(sorted(digests.items()))
 
 
 def code_of(named: Iterable[str]) -> dict[str, str]:
@@ -131,19 +131,19 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
     names: list[str] = []
     for node in ast.walk(ast.parse(file.read_bytes())):
         if isinstance(node, ast.Import):
-            names += [one.name for one in node.names]
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             above = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (above, node.module)))
-            names += [base, *(f"{base}.{one.name}" for one in node.names)]
+            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
     return tuple(name for name in names if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
 def _file(module: str) -> Path | None:
     """The source of a module; None for what is none."""
     if module.partition(".")[0] != "tdint":
-        own = getattr(sys.modules.get(module), "__file__", None)
-        return Path(own) if own else None
+        loaded_from = getattr(sys.modules.get(module), "__file__", None)
+        return Path(loaded_from) if loaded_from else None
     return _own_file(module)
 
 
@@ -151,4 +151,4 @@ def _file(module: str) -> Path | None:
 def _own_file(module: str) -> Path | None:
     _, *rest = module.split(".")
     path = _PACKAGE.joinpath(*rest)
-    return next((one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None)
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)

@@ -70,8 +70,9 @@ def has(name: str, variant: str, target: Target, folder: Path | None = None) -> 
     """Whether a folder (as TDINT_KERNELS_DIR names it), by default this user's store, has a kernel, whatever else could
     serve."""
     home = folder or cache_home()
-    wanted = (name, variant, (target,))
-    return home is not None and bool(_look_up_in(home / folder_name(target.platform), folder is None, *wanted))
+    if home is None:
+        return False
+    return bool(_look_up_in(home / folder_name(target.platform), folder is None, name, variant, (target,)))
 
 
 def _places(platform: str) -> Iterator[tuple[Path, bool]]:
@@ -139,7 +140,8 @@ def clean() -> int:
     import shutil
 
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
-    folders = [one for home in homes for one in home.glob("kernels-*") if one.is_dir() and not one.is_symlink()]
+    stores = (store for home in homes for store in home.glob("kernels-*"))
+    folders = [store for store in stores if store.is_dir() and not store.is_symlink()]
     count = sum(1 for folder in folders for _ in folder.glob("*.object"))
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
@@ -182,7 +184,7 @@ def folder_name(platform: str = sys.platform) -> str:
     versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
         # Not imported: that would take longer than all the rest.
-        found = importlib.util.find_spec(package)
-        if found and found.origin:
-            versions.update((Path(found.origin).parent / "_version.py").read_bytes())
+        specification = importlib.util.find_spec(package)
+        if specification and specification.origin:
+            versions.update((Path(specification.origin).parent / "_version.py").read_bytes())
     return f"kernels-{versions.hexdigest()[:16]}"

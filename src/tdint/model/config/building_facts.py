@@ -51,6 +51,7 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
         section.refuse(_OF_RULES, "has no part in a building with a `capacity` curve")
         return _of_curve(section, unit)
     section.refuse(_OF_CAPACITY, "belongs to a building with a `capacity` curve")
+    # All are read before the first fault ends it, so that all of them are told.
     needed = [
         _needed(section, "rules"),
         _needed(section, "type"),
@@ -61,6 +62,7 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     height = section.number("height", scale=unit.length, default=0.0)
     words = {"zone": "Z4", "design_level": "", "damping": "full"}
     zone, level, damping = (section.read(name, default) for name, default in words.items())
+    # A number that no file can have stands for a ratio that is not said.
     ratio = section.number("damping_ratio", default=-1.0)
     if None in (*needed, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
         return None
@@ -92,6 +94,7 @@ def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
     path = file.file() if file else None
     curve = None
     if file and path:
+        # Faults of the curve's file are told at the key that names it.
         try:
             curve = read_curve(path)
         except ModelError as error:

@@ -7,6 +7,7 @@ file each. The JSON schema for editors is made of the same declarations.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 import os
@@ -65,7 +66,7 @@ from tdint.model.keys.fields import (
     Words,
 )
 from tdint.model.keys.nodes import Faults, composed, decode
-from tdint.units import SI, OutputUnits, parse_output_units
+from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
 
 # ---- The `excitation` of a model file: forces, or a record, what of a text table it is, and what is done to it
@@ -158,6 +159,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     if section is None:
         return Excitation(None, ())
     record, forces = section.get("record"), section.get("forces")
+    # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
         _read_record(record) if record else None,
@@ -173,15 +175,11 @@ def _read_record(value: Value) -> RecordSource | None:
     if section is None:
         return None
     section.need("file", "give the record's file")
-    return RecordSource(section.file("file", stdin=True) or "", read_choice(section, stdin=True), _read_scale(section))
-
-
-def _read_scale(section: Section) -> float:
-    value = section.get("scale")
-    scale = value.number() if value else 1.0
-    if value and scale == 0.0:
-        value.fault("must not be zero; leave the record out for no ground motion")
-    return scale
+    factor = section.get("scale")
+    scale = factor.number() if factor else 1.0
+    if factor and scale == 0.0:
+        factor.fault("must not be zero; leave the record out for no ground motion")
+    return RecordSource(section.file("file", stdin=True) or "", read_choice(section, stdin=True), scale)
 
 
 def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
@@ -190,23 +188,21 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
         return Force(0, math.nan, math.nan, math.nan)
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
     amplitude = section.number("amplitude", scale=unit.force)
-    cosine, sine = _read_phase(section.get("phase"))
+
+    # Shares of cos(omega t) and sin(omega t): one of them alone, or both by phi in cos(omega t + phi).
+    cosine, sine = 1.0, 0.0
+    phase = section.get("phase")
+    if phase and phase.is_word("sin"):
+        cosine, sine = 0.0, 1.0
+    elif phase and not phase.is_word("cos"):
+        angle = phase.number(what="cos, sin or an angle in radians")
+        cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
         floor=(floor.counted(count) if floor else None) or 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),
     )
-
-
-def _read_phase(value: Value | None) -> tuple[float, float]:
-    """Shares of cos(omega t) and sin(omega t): `cos`, `sin` or phi in cos(omega t + phi), rad."""
-    if value is None or value.is_word("cos"):
-        return 1.0, 0.0
-    if value.is_word("sin"):
-        return 0.0, 1.0
-    phase = value.number(what="cos, sin or an angle in radians")
-    return math.cos(phase), -math.sin(phase)
 
 
 # ---- Model file
@@ -305,8 +301,18 @@ def load_judged(
     origin, root = read_document(source)
     section = root.section(_MODEL)
     model = _read_model(section, origin) if section else None
+    # Words such as a method mean nothing here: who knows them judges, at their place.
     for path, judge in judges.items():
-        _let_judge(root, path, judge)
+        value: Value | None = root
+        for name in path.split("."):
+            value = value.peek(name) if value else None
+        # What is no word at all the reader has told already.
+        if value is None or value.is_list or value.is_mapping or not value.word:
+            continue
+        try:
+            judge(value.word, root.faults.folder)
+        except UsageError as error:
+            Value(value.node, path, value.faults).fault(str(error))
     root.faults.raise_if_any()
     assert model is not None
     return model
@@ -323,18 +329,6 @@ def record_within(value: Value) -> RecordSource | None:
     return _read_record(value)
 
 
-def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object]) -> None:
-    value: Value | None = root
-    for name in path.split("."):
-        value = value.peek(name) if value else None
-    if value is None or value.is_list or value.is_mapping or not (text := value.word):
-        return
-    try:
-        judge(text, root.faults.folder)
-    except UsageError as error:
-        Value(value.node, path, value.faults).fault(str(error))
-
-
 def _read_model(section: Section, origin: SourceText) -> Model:
     """The model; faults are noted, and leave nan or None behind."""
     unit = read_units(section.get("units"))
@@ -342,7 +336,27 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
     head = section.get("report")
-    output_units, page_units = _read_output_units(section.get("output_units"), unit.named)
+
+    # Units of tables, and those of pages for people: of the file where it names none for the output.
+    output_units, page_units = SI, unit.named
+    stated = section.get("output_units")
+    items = () if stated is None else stated.items("units") if stated.is_list else (stated,)
+    text = ",".join(filter(None, (item.text() for item in items or ())))
+    if stated and text:
+        try:
+            output_units, page_units = parse_output_units(text), parse_output_units(text, unit.named)
+        except UsageError as error:
+            stated.fault(str(error))
+
+    # The state at the start: a number for each story, zeros where nothing is said.
+    initial, states = section.inner("initial"), []
+    for name in _INITIAL:
+        entry = initial.get(name)
+        items = entry.items("a list with one number per story") if entry else None
+        if entry and items is not None and count is not None and len(items) != count:
+            entry.fault(f"must have one number per story ({count}), got {len(items)}")
+        given = tuple(item.number(scale=unit.length) for item in items or ())
+        states.append(given if entry else (0.0,) * (count or 0))
     model = Model(
         name=section.text("name") or origin.name,
         source=origin.label,
@@ -351,7 +365,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         damping=damping,
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count),
-        initial=_read_initial(section.inner("initial"), unit.length, count),
+        initial=Initial(*states),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
@@ -359,6 +373,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_head=(head.parsed(parse_head) if head else None) or (),
         damage=read_damage(section.get("damage")),
     )
+    # A stream can be read once.
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already holds the model; give the record as a file")
@@ -375,38 +390,16 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         return stories, count, read_damping(damping, count)
     from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
 
+    # Rules bring their own damping, which the file may replace.
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
+    # Damping is looked at all the same, for its own faults.
     if derived is None:
         read_damping(damping, None)
         return (), None, None
     count = len(derived.stories)
     return derived.stories, count, read_damping(damping, count) if damping else derived.damping
-
-
-def _read_initial(section: Section, length: float, count: int | None) -> Initial:
-    def entries(name: str) -> tuple[float, ...]:
-        entry = section.get(name)
-        if entry is None:
-            return (0.0,) * (count or 0)
-        items = entry.items("a list with one number per story")
-        if items is not None and count is not None and len(items) != count:
-            entry.fault(f"must have one number per story ({count}), got {len(items)}")
-        return tuple(item.number(scale=length) for item in items or ())
-
-    return Initial(entries("displacement"), entries("velocity"))
-
-
-def _read_output_units(value: Value | None, of_file: OutputUnits) -> tuple[OutputUnits, OutputUnits]:
-    """The units of tables, and those of pages for people: of the file where it names none for the output."""
-    items = () if value is None else value.items("units") if value.is_list else (value,)
-    text = ",".join(filter(None, (item.text() for item in items or ())))
-    try:
-        return (parse_output_units(text), parse_output_units(text, of_file)) if text else (SI, of_file)
-    except UsageError as error:
-        value.fault(str(error))  # type: ignore[union-attr]  # there is a text
-        return SI, SI
 
 
 def model_schema() -> Schema:
@@ -439,6 +432,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     edits: list[tuple[int, int, str]] = []
     if stories is None:
         return None
+    # Entries stand for several stories: each is written out if its stories differ by now.
     first = 0
     for entry in stories.value:
         count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
@@ -447,6 +441,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
         edits.append(_with_stiffnesses(text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories))
     if damping is not None and after.damping != before.damping:
         edits.append((damping.start_mark.index, _end(damping), _damping_words(after.damping)))
+    # Paths in the file start from its folder, which is another one now.
     record = _entry(_entry(root, "excitation"), "record")
     source = after.excitation.record
     if record is not None and source is not None:
@@ -455,6 +450,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
             if node is not None and file not in (None, STDIN) and not Path(node.value).is_absolute():
                 path = os.path.relpath(str(file), place.parent)
                 edits.append((node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False)))
+    # The new text is read as any file: what it does not say so, nobody should get.
     text = _edited(text, edits)
     apart = copy_context()  # it is no input of the command
     apart.run(READ.set, None)
@@ -462,18 +458,17 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
         said = apart.run(load_model, io.StringIO(text))
     except ModelError:
         return None
-    numbers = [_numbers(model) for model in (said, after)]
-    same = [len(value) for value in numbers] == [len(numbers[0])] * 2 and all(
+
+    # The text must say what it should: stiffnesses, and the numbers of the damping one after the other.
+    numbers = []
+    for model in (said, after):
+        damping_numbers = astuple(model.damping) if model.damping is not None else ()
+        listed = [value if isinstance(value, tuple) else (value,) for value in damping_numbers]
+        numbers.append([*(story.stiffness for story in model.stories), *itertools.chain.from_iterable(listed)])
+    same = len(numbers[0]) == len(numbers[1]) and all(
         math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
     return text if same and type(said.damping) is type(after.damping) else None
-
-
-def _numbers(model: Model) -> list[float]:
-    """The stiffnesses, and the numbers of the damping one after the other."""
-    damping = astuple(model.damping) if model.damping is not None else ()
-    listed = [value if isinstance(value, tuple) else (value,) for value in damping]
-    return [*(story.stiffness for story in model.stories), *(value for values in listed for value in values)]
 
 
 _WRITTEN = 1e-11
@@ -507,6 +502,7 @@ def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: 
     alike = all(factor == factors[0] for factor in factors)
     stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")
     copies = []
+    # Where all stories change alike, the entry and its `repeat` stay as they are.
     for factor in factors[:1] if alike else factors:
         edits = []
         if stiffness is not None and factor != 1.0:
@@ -515,6 +511,7 @@ def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: 
         if not alike:
             edits.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
         copies.append(_edited(text[start:end], edits, start))
+    # Lists in brackets or with dashes: copies stand as the entry does.
     between = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
     return start, end, between.join(copies)
 

@@ -81,6 +81,7 @@ def read_units(value: Value | None) -> ModelUnits:
     """The units of the file, SI where it names none."""
     section = value.section(UNITS) if value else None
 
+    # A unit of force for a mass is told as such: that it is unknown would not help.
     def named(name: str, factors: Mapping[str, float], usual: str) -> str:
         entry = section.get(name) if section else None
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
@@ -91,6 +92,7 @@ def read_units(value: Value | None) -> ModelUnits:
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
     mass, mass_is_said = named("mass", units.MASS, "kg"), bool(section and section.mentions("mass"))
     beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
+    # Beside such units a mass is hardly in kg: its unit is asked for where one is used.
     words = [entry for name in ("length", "force") if section and (entry := section.get(name))]
     foreign = any(word.is_word(unit) for word in words for unit in _OPEN)
     return ModelUnits(
@@ -143,6 +145,7 @@ _LAST_MODE = 3
 def _declared(count: int | None) -> Either:
     """What may stand under `damping` of a building with so many stories."""
     mode = Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
+    # Bounds and messages name the number of stories, where that is known.
     two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
     modes = EntriesOf(mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes")
     rayleigh = Keys(

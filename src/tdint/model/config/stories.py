@@ -5,7 +5,7 @@ lists for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -38,23 +38,19 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     """The keys of a law's mapping, or of one of its groups."""
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
+        # A parameter with a default, or a value for when its group is missing, may be left out.
         needed = parameter.default is None and parameter.without is None
-        inner = _inner(parameter, group)
+        inner, bounds = _inner(parameter, group), _bounds(parameter)
         if parameter.group == group:
-            keys[parameter.name] = Key(parameter.name, _kind(parameter), needed=needed)
+            kind: ValueKind = EntriesOf(bounds, least=1) if parameter.many else bounds
+            if parameter.points:
+                kind = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+            keys[parameter.name] = Key(parameter.name, kind, needed=needed)
         elif inner and inner not in keys:
             mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
-            whole = (_bounds(parameter), mapping, Choice(("none",)))
+            whole = (bounds, mapping, Choice(("none",)))
             keys[inner] = Key(inner, Either(whole) if parameter.shared else mapping, needed=needed)
     return tuple(keys.values())
-
-
-def _kind(parameter: LawParameter) -> ValueKind:
-    """What stands under the key of a parameter."""
-    bounds = _bounds(parameter)
-    if parameter.points:
-        return EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
-    return EntriesOf(bounds, least=1) if parameter.many else bounds
 
 
 def _inner(parameter: LawParameter, group: str) -> str:
@@ -84,11 +80,22 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law is None:
         return LINEAR, math.nan
     parameters = _read_parameters(section, law, unit) if section else ()
-    return Law(law.name, parameters), _own_stiffness(value, law, parameters, unit)
+    read = Law(law.name, parameters)
+    if law.initial_stiffness is None:
+        return read, None
+
+    # The initial stiffness follows from the parameters; it may not be one even if each of them is right.
+    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
+    if stiffness <= 0.0 or stiffness == math.inf:
+        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
+        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
+        return read, math.nan
+    return read, stiffness
 
 
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     """The law, None after a fault, and the section that holds its parameters, None if it was only named."""
+    # A bare name is enough for a law without parameters only.
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
@@ -98,6 +105,7 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
+    # After a fault in the name all keys of all laws are admitted, so that no fault follows from it.
     possible = [LAWS[name]] if name else LAWS.values()
     admitted = dict.fromkeys(["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)])
     section = value.section(list(admitted))
@@ -113,6 +121,7 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
+    # Groups from the outside in: where one stands hangs on the one around it.
     names = sorted(dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count("."))
     groups: dict[str, Section | float | None] = {"": section}
     for name in names:
@@ -122,12 +131,16 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     for parameter in law.parameters:
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
-            read = _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
+            items = entry.items(_LIST, "must hold at least one number") if entry else None
+            bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
+            # The j-th is force over length to the power j.
+            read = tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers) or (math.nan,)
         elif parameter.points:
             read = _read_points(groups[parameter.group], parameter, unit, earlier)
         else:
             read = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += read
+        # The default of a parameter may be another one before it.
         earlier.setdefault(parameter.name, read)
     return tuple(values)
 
@@ -142,6 +155,7 @@ def _read_group(
     if not group or not isinstance(around, Section):
         return around
     members = [parameter for parameter in law.parameters if parameter.group == group]
+    # A group whose parameters have no default cannot be left out.
     if members[0].default is None and members[0].without is None:
         value = around.need(name, f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}")
         if value is None:
@@ -150,6 +164,7 @@ def _read_group(
     if value is None or (members[0].shared and value.is_word("none")):
         return None
     names = [key.name for key in _keys(law, group)]
+    # One number may stand for all of a group.
     if members[0].shared and not value.is_mapping:
         expected = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
         return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), expected)
@@ -166,12 +181,14 @@ def _read_points(
     nothing = (math.nan,) * 8
     if isinstance(group, float):
         return nothing
+    # The other direction is that of the first one, where nothing is said of it.
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
         return earlier[parameter.default]
     value = group.need(parameter.name, f"give {_POINTS}") if group else None
     items = value.items(_POINTS) if value else None
     if value is None or items is None:
         return nothing
+    # All pairs are looked at before their number, so that all faults are told.
     pairs = [item.items("a point [drift, force]") for item in items]
     if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
         value.fault(f"must be {_POINTS}")
@@ -204,26 +221,6 @@ def _read_number(
 def _bounds(parameter: LawParameter) -> Bounds:
     ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
     return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
-
-
-def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
-    """The numbers of a `many` parameter in SI: the j-th is force length^-j."""
-    items = value.items(_LIST, "must hold at least one number")
-    if not items:
-        return (math.nan,)
-    return tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in enumerate(items, start=1))
-
-
-def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], unit: ModelUnits) -> float | None:
-    """The initial stiffness that follows from the law's parameters, checked to be positive."""
-    if law.initial_stiffness is None:
-        return None
-    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
-    if stiffness <= 0.0 or stiffness == math.inf:
-        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
-        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
-        return math.nan
-    return stiffness
 
 
 def check_together(value: Value | None, law: Law, stiffness: float) -> None:
@@ -274,6 +271,7 @@ def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[
     count: int | None = 0
     for entry in entries:
         story, repeat = _read_entry(entry, unit, p_delta)
+        # Told before they are made: a `repeat` of a billion would fill the memory.
         if len(stories) + (repeat or 1) > MAX_STORIES:
             entry.fault(f"brings the model over {MAX_STORIES} stories; check `repeat`")
             return (), None
@@ -287,17 +285,30 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    law, own_stiffness = read_law(section.get("law"), unit)
+    law, stiffness_of_law = read_law(section.get("law"), unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
+    mass, story_height = _read_mass(section, unit), height.number(scale=unit.length) if height else None
+
+    # The initial stiffness is that of the law, where this has one: another beside it must say the same.
+    factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
+    if stiffness_of_law is None:
+        stiffness = section.number("stiffness", scale=factor)
+    else:
+        stated = given.number(scale=factor) if given else stiffness_of_law
+        if given and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
+            initial = f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
+            given.fault(f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out")
+        stiffness = stiffness_of_law
     story = Story(
-        mass=_read_mass(section, unit),
-        height=height.number(scale=unit.length) if height else None,
-        stiffness=_read_stiffness(section, own_stiffness, law, unit),
+        mass=mass,
+        height=story_height,
+        stiffness=stiffness,
         law=law,
         dashpot=dashpot,
         power_dashpot=power_dashpot,
     )
+    # Isolators have no damping of the building's kind, unless that is said.
     isolator = section.get("isolator")
     if isolator and isolator.is_word(_DAMPED):
         story = replace(story, isolator=True)
@@ -313,10 +324,12 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
         return section.number("weight", scale=unit.force / STANDARD_GRAVITY)
+    # One of the two is needed; which of them is the user's.
     if not section.mentions("mass", "weight"):
         section.need("mass", "give a positive number, or the weight in its place")
         return math.nan
     mass = section.get("mass")
+    # With kN or mm a bare mass could be kg or t: it is not guessed.
     if mass and unit.mass_is_open:
         mass.fault(
             "its unit is not said, and the file's units are not m and N: add mass to `units` "
@@ -335,22 +348,10 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     if section is None:
         return math.nan, None
     exponent = section.number("exponent")
+    # Below 1 force over velocity grows without end towards rest.
     soft = exponent < 1.0
     if soft and not section.mentions("linear_below"):
         section.need("linear_below", "an exponent below 1 needs the drift rate under which the dashpot is linear")
     below = section.number("linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0)
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
     return 0.0, PowerDashpot(coefficient, exponent, below)
-
-
-def _read_stiffness(section: Section, of_law: float | None, law: Law, unit: ModelUnits) -> float:
-    """The initial stiffness, N/m, from the key `stiffness` or from the law's `own` one."""
-    factor = unit.factor(force=1, length=-1)
-    if of_law is None:
-        return section.number("stiffness", scale=factor)
-    given = section.get("stiffness")
-    stiffness = given.number(scale=factor) if given else of_law
-    if given and abs(stiffness - of_law) > _AGREEMENT * of_law:
-        initial = f"the initial stiffness {of_law / factor:.10g} of its {law.name} law"
-        given.fault(f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or leave it out")
-    return of_law

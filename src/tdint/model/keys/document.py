@@ -46,29 +46,25 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
         )
     if isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
-        return SourceText(label, path.stem, path.parent, _read_file(path, label, kind))
+        if is_named_pipe(path):
+            raise ModelError(f"{label}: is a named pipe, which may never end; read from it with - and <")
+        try:
+            with path.open("rb") as stream:
+                return SourceText(label, path.stem, path.parent, _read_stream(stream, label, kind))
+        except FileNotFoundError:
+            raise ModelError(f"{label}: no such file; give a {kind} (YAML) or - for standard input") from None
+        except IsADirectoryError:
+            raise ModelError(f"{label}: is a folder; give a {kind} (YAML) in it") from None
+        except OSError as error:
+            raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
+        except ValueError:
+            raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
     if not hasattr(source, "read"):
         raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
     name = getattr(source, "name", None)
     if isinstance(name, str) and not name.startswith("<"):
         return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name, kind))
     return SourceText("<stream>", kind.partition(" ")[0], Path(), _read_stream(source, "<stream>", kind))
-
-
-def _read_file(path: Path, label: str, kind: str) -> bytes:
-    if is_named_pipe(path):
-        raise ModelError(f"{label}: is a named pipe, which may never end; read from it with - and <")
-    try:
-        with path.open("rb") as stream:
-            return _read_stream(stream, label, kind)
-    except FileNotFoundError:
-        raise ModelError(f"{label}: no such file; give a {kind} (YAML) or - for standard input") from None
-    except IsADirectoryError:
-        raise ModelError(f"{label}: is a folder; give a {kind} (YAML) in it") from None
-    except OSError as error:
-        raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
-    except ValueError:
-        raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:

@@ -294,6 +294,7 @@ class Value:
         if not bounds.allow(number):
             self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
+        # Zero is zero in any unit; other sizes must be such as buildings have.
         converted = number * scale if number else 0.0
         if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
             limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
@@ -303,6 +304,7 @@ class Value:
 
     def whole(self, low: int = 0, high: int = -1, quantity: str = "") -> int | None:
         """The whole number from `low` to `high`; None if there is a fault. `quantity`: what the bounds stand for."""
+        # Without bounds here those that the key declares.
         if high < low:
             assert isinstance(self.kind, Whole)
             low, high = self.kind.low, self.kind.high
@@ -368,6 +370,7 @@ class Value:
 
     def _alternative(self, either: Either) -> Any:
         shape = Keys if self.is_mapping else EntriesOf if self.is_list else (Bounds, Whole, Choice, PathOf)
+        # By its shape one kind is meant: messages are then of that one alone.
         for kind in either.kinds:
             if isinstance(kind, shape) and not (isinstance(kind, Choice) and self.word not in kind.names):
                 if isinstance(kind, Bounds):
@@ -412,12 +415,14 @@ class Value:
         section = self.section(kind, kind.what)
         if section is None:
             return None
+        # One way of several: keys of two of them contradict each other.
         given = [way for way in kind.ways if section.has(*way)]
         if len(given) > 1:
             self.fault(f"give either {' or '.join(map(' and '.join, given))}, not both")
             return None
         if kind.ways and not any(section.mentions(*way) for way in kind.ways):
             self.fault(f"must be {kind.what}, got a mapping without either")
+        # All entries are read, those of a mapping that is not complete, too, for their faults.
         needed = {*given[0]} if given else {key.name for key in kind.declared if key.needed}
         values = {}
         for key in kind.declared:
@@ -460,16 +465,16 @@ class Value:
         entries = enumerate(self.node.items, start=1)
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
-    def section(self, known: Collection[str] | None = None, what: str = "") -> Section | None:
+    def section(self, keys: Collection[str] | None = None, what: str = "") -> Section | None:
         """The entries of a mapping, by default those that its key declares; None if there is a fault. `what` says what
         the value must be if not just that."""
-        if known is None:
+        if keys is None:
             assert isinstance(self.kind, Keys)
-            known = self.kind
+            keys = self.kind
         if not isinstance(self.node, MappingNode):
-            self.fault(f"must be {what or 'a mapping with the keys ' + ', '.join(known)}, got {self._shown()}")
+            self.fault(f"must be {what or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}")
             return None
-        return Section(self, self.node, known)
+        return Section(self, self.node, keys)
 
     def peek(self, name: str) -> Value | None:
         """The entry `name` of a mapping whose known keys depend on it; nothing is noted."""
@@ -534,13 +539,28 @@ class Section:
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode):
                 value.faults.add(key, value.key, "a key must be a word, got a list or a mapping")
-            elif key.text in lines:
-                message = f"duplicate key, first given on line {lines[key.text]}"
-                value.faults.add(key, self.path(key.text), message)
+                continue
+            path = self.path(key.text)
+            if key.text in lines:
+                value.faults.add(key, path, f"duplicate key, first given on line {lines[key.text]}")
+                continue
+            lines[key.text] = key.line
+            if key.text in keys:
+                self._entries[key.text] = Value(entry, path, value.faults, self._kinds.get(key.text))
+            elif key.text == "<<" and key.plain:
+                value.faults.add(key, path, "merge keys are not supported; write the entries out")
+                self._excused.update(keys)
             else:
-                lines[key.text] = key.line
-                self._admit(key, entry, keys)
-        self._admit_misspelled(node, keys)
+                value.faults.add(key, path, "unknown key" + _advice(key.text, keys))
+                self._excused.update(filter(None, [nearest(key.text, keys)]))
+
+        # What stands under a misspelled key is read as that of the key that was meant, for the faults in it.
+        for key, entry in node.entries:
+            if not isinstance(key, ScalarNode) or key.text in keys:
+                continue
+            meant = nearest(key.text, keys, cutoff=_MEANT)
+            if meant and meant not in self._entries:
+                self._entries[meant] = Value(entry, self.path(key.text), value.faults, self._kinds.get(meant))
 
     def has(self, *names: str) -> bool:
         """Whether one of the entries is there."""
@@ -610,26 +630,6 @@ class Section:
         """The path of the entry, as `Value.file` has it; None if the section lacks it or it is faulty."""
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
-
-    def _admit(self, key: ScalarNode, entry: Node, keys: Collection[str]) -> None:
-        faults, path = self.value.faults, self.path(key.text)
-        if key.text in keys:
-            self._entries[key.text] = Value(entry, path, faults, self._kinds.get(key.text))
-        elif key.text == "<<" and key.plain:
-            faults.add(key, path, "merge keys are not supported; write the entries out")
-            self._excused.update(keys)
-        else:
-            faults.add(key, path, "unknown key" + _advice(key.text, keys))
-            self._excused.update(filter(None, [nearest(key.text, keys)]))
-
-    def _admit_misspelled(self, node: MappingNode, keys: Collection[str]) -> None:
-        """Read what stands under a misspelled key as that of the key that was meant, for the faults in it."""
-        for key, entry in node.entries:
-            if not isinstance(key, ScalarNode) or key.text in keys:
-                continue
-            meant = nearest(key.text, keys, cutoff=_MEANT)
-            if meant and meant not in self._entries:
-                self._entries[meant] = Value(entry, self.path(key.text), self.value.faults, self._kinds.get(meant))
 
 
 def resolve(file: str, folder: Path) -> str:

@@ -62,6 +62,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
     zoom = figure.add_subplot(grid[2, :]) if band else None
     lines = []
+    # Accuracy is of interest for small steps alone: its panels end there.
     for curve, style in zip(curves, _curve_styles(curves), strict=True):
         x = curve.dt_over_t
         lines += _plot(radius, x, np.minimum(curve.spectral_radius, _FAR_ABOVE), style)
@@ -79,10 +80,19 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     _frame_accuracy(period, "period error (%)", -20.0, 60.0)
     _frame_accuracy(damping, "numerical damping ratio (%)", -2.0, 20.0)
     _frame_accuracy(decay, "amplitude lost per cycle (%)", -10.0, 100.0)
+    # Around sqrt(12), the stability limit of linear acceleration.
     if zoom is not None:
-        _frame_band(zoom)
+        zoom.set(yscale="log", ylim=(1e-4, 1.0))
+        zoom.set_xlim(*_BAND)
+        zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
+        zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
     add_legend(figure, radius, lines, _curve_labels(curves), _NARROW)
-    add_title(figure, _stability_title(curves))
+    # A single line has its name in the title, as no legend says it.
+    ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
+    title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    if len(curves) == 1:
+        title = f"{short_labels([curves[0].method])[curves[0].method]}\n{title}"
+    add_title(figure, title)
     return figure
 
 
@@ -102,11 +112,26 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     for start, row in zip(starts, panels, strict=False):
         for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
             axes.set_title(f"{quantity}, from a {start}")
-            _frame_steps(axes)
+            axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            # Logarithmic beyond the exact motion, where steps leave it far behind.
+            largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines())
+            if largest > 10.0:
+                axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
+                axes.yaxis.set_minor_formatter(NullFormatter())
+            reach = min(1.3 * largest, _TALLEST)
+            axes.set_ylim(-reach, reach)
     for axes in panels[-1]:
         axes.set_xlabel("step")
     add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], _NARROW)
-    add_title(figure, _overshoot_title(motions, short))
+    first = motions[0]
+    spring = "" if first.law == "linear" else f", {first.law} spring"
+    title = (
+        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}{spring}, "
+        "over the exact amplitude\n"
+        "The exact motion stays in the shaded band"
+    )
+    add_title(figure, f"{short[first.method]}\n{title}" if len(short) == 1 else title)
     return figure
 
 
@@ -115,9 +140,22 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
 
     The title begins with a `name`, if there is one.
     """
-    several = len({order.frequency_ratio for order in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
-    figure = _draw_orders(measured) if several else _draw_order_chart(measured)
-    add_title(figure, name + _order_title(measured))
+    first = measured[0]
+    has_ratio = not math.isnan(first.frequency_ratio)
+    several = len({order.frequency_ratio for order in measured}) > 1
+    figure = _draw_orders(measured) if several and has_ratio else _draw_order_chart(measured)
+    # What all have in common stands in the title.
+    loads = {
+        "free": "free vibration",
+        "harmonic": "harmonic load",
+        "record": "a record that is linear between its samples",
+    }
+    title = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
+    if has_ratio and not several:
+        title += f", frequency ratio {first.frequency_ratio:g}"
+    if len({order.method for order in measured}) == 1:
+        title = f"{short_labels([first.method])[first.method]}\n{title}"
+    add_title(figure, name + title)
     return figure
 
 
@@ -204,12 +242,6 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
     return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
 
-def _stability_title(curves: Sequence[StabilityCurve]) -> str:
-    ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    subject = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
-    return f"{short_labels([curves[0].method])[curves[0].method]}\n{subject}" if len(curves) == 1 else subject
-
-
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     axes.set_xscale("log")
     low, high = (float(limit([limit(curve.dt_over_t) for curve in curves])) for limit in (np.min, np.max))
@@ -226,36 +258,6 @@ def _frame_accuracy(axes: Any, name: str, low: float, high: float) -> None:
     bottom, top = axes.get_ylim()
     axes.set(ylim=(min(max(bottom, low), -0.05), max(min(top, high), 1.0)), xlim=(0.0, _ACCURACY_RANGE))
     axes.set(xlabel="dt / T", ylabel=name)
-
-
-def _frame_band(axes: Any) -> None:
-    axes.set(yscale="log", ylim=(1e-4, 1.0))
-    axes.set_xlim(*_BAND)
-    axes.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
-    axes.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
-
-
-def _frame_steps(axes: Any) -> None:
-    """Shade what the exact motion keeps to; logarithmic beyond where steps leave it far behind."""
-    largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines())
-    axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    if largest > 10.0:
-        axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    reach = min(1.3 * largest, _TALLEST)
-    axes.set_ylim(-reach, reach)
-
-
-def _overshoot_title(motions: Sequence[Overshoot], short: dict[str, str]) -> str:
-    first = motions[0]
-    spring = "" if first.law == "linear" else f", {first.law} spring"
-    text = (
-        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}{spring}, "
-        "over the exact amplitude\n"
-        "The exact motion stays in the shaded band"
-    )
-    return f"{short[first.method]}\n{text}" if len(short) == 1 else text
 
 
 def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
@@ -314,21 +316,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     return figure
 
 
-def _order_title(measured: Sequence[ObservedOrder]) -> str:
-    first = measured[0]
-    loads = {
-        "free": "free vibration",
-        "harmonic": "harmonic load",
-        "record": "a record that is linear between its samples",
-    }
-    text = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
-    if len({order.frequency_ratio for order in measured}) == 1 and not math.isnan(first.frequency_ratio):
-        text += f", frequency ratio {first.frequency_ratio:g}"
-    if len({order.method for order in measured}) == 1:
-        return f"{short_labels([first.method])[first.method]}\n{text}"
-    return text
-
-
 # ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
 
 _CELL = (0.46, 0.25)  # inches
@@ -380,12 +367,27 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     width, height = _CELL[0] * len(columns), _CELL[1] * len(methods) * (2.8 if narrow else 1.0)
     figure = Figure(figsize=(max(width + 2.2, 7.5), height + (5.0 if narrow else 3.2)), layout="constrained")
     axes = figure.subplots()
+    # A cell for each trial; what is hatched has its words on a plain ground.
+    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if narrow else 0.0}
     for trial in trials:
-        _draw_cell(axes, columns.index((trial.problem, trial.dt)), methods.index(trial.method), trial)
-    _frame(axes, columns, methods)
+        x, y = columns.index((trial.problem, trial.dt)), methods.index(trial.method)
+        mark = _MARKS.get(trial.verdict, _MARKS[""])
+        axes.add_patch(_patch(x, y, mark))
+        behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
+        axes.text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
+    # Problems above, methods at the side; a line between one problem and the next.
+    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(methods) - 0.5, -0.5))
+    axes.grid(False)
+    axes.tick_params(length=0.0)
+    axes.xaxis.tick_top()
+    upright = {"rotation": 90.0} if narrow else {"rotation": 60.0, "ha": "left"}
+    axes.set_xticks(range(len(columns)), [f"{name}, dt {dt:.4g}" for name, dt in columns], **upright)
+    short = short_labels(methods)
+    axes.set_yticks(range(len(methods)), [short[method] for method in methods], parse_math=False)
     for first in range(1, len(columns)):
         if columns[first][0] != columns[first - 1][0]:
             axes.axvline(first - 0.5, color="black", linewidth=1.2)
+    # The legend has the looks, and above them what the numbers are.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
     size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
     texts = [text for _, text in _LEGEND]
@@ -396,30 +398,10 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     return figure
 
 
-def _frame(axes: Any, columns: Sequence[tuple[str, float]], methods: Sequence[str]) -> None:
-    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(methods) - 0.5, -0.5))
-    axes.grid(False)
-    axes.tick_params(length=0.0)
-    axes.xaxis.tick_top()
-    short = short_labels(methods)
-    names = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    upright = {"rotation": 90.0} if is_narrow() else {"rotation": 60.0, "ha": "left"}
-    axes.set_xticks(range(len(columns)), names, **upright)
-    axes.set_yticks(range(len(methods)), [short[method] for method in methods], parse_math=False)
-
-
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     return Rectangle(
         (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=mark.face, hatch=mark.hatch, edgecolor="0.4", linewidth=0.5
     )
-
-
-def _draw_cell(axes: Any, x: int, y: int, trial: Trial) -> None:
-    mark = _MARKS.get(trial.verdict, _MARKS[""])
-    axes.add_patch(_patch(x, y, mark))
-    behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
-    look = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if is_narrow() else 0.0}
-    axes.text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
 
 
 def _words(trial: Trial) -> str:
@@ -475,21 +457,29 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
+    drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
     for i, line in enumerate(lines):
-        drawings = [_Drawing(chart, target) for chart in charts]
-        points = [(drawing, _closest(drawing, line)) for drawing in drawings]
-        points_there = [(drawing, point) for drawing, point in points if point is not None]
-        stories = [drawing.chart.stories for drawing, _ in points_there]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in points_there]
+        # Of each size the point whose step is closest to the record's.
+        closest: list[tuple[_Drawing, Point]] = []
+        for drawing in drawings:
+            points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
+            if points:
+                interval = drawing.chart.interval
+                closest.append((drawing, min(points, key=lambda point: abs(math.log(point.dt / interval)))))
+        stories = [drawing.chart.stories for drawing, _ in closest]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in closest]
         handles += cost.plot(stories, step_cost, **_style(i, line))
-        error = [drawing.error(point) for drawing, point in points_there]
-        accuracy.plot(stories, error, **_style(i, line))
+        accuracy.plot(stories, [drawing.error(point) for drawing, point in closest], **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
         plain_numbers(axes.xaxis)
         axes.set(xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories", ylabel=label)
-    _draw_proportion(cost, charts)
+    # Cost in proportion to size, under the lines, within the limits that they have.
+    limits = cost.get_ylim()
+    ends = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
+    cost.plot(ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
+    cost.set_ylim(limits)
     add_legend(figure, cost, handles, lines, _NARROW_CHART)
     add_title(
         figure,
@@ -563,6 +553,7 @@ def _style(i: int, line: str) -> dict[str, Any]:
 def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
+    # The front lies under all lines, as a band; a line has marks at its points, and a triangle below the gap.
     front = drawing.front()
     axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
     handles = []
@@ -580,27 +571,22 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
-    axes.set(
-        xlabel=f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}",
-        ylabel=_cost(drawing),
-    )
+    axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")
+    # Of times what is timed, of other programs, too.
+    chart = drawing.chart
+    label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
+    if drawing.versus == "time" and chart.peers:
+        label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
+    axes.set_ylabel(label)
     add_legend(figure, axes, handles, list(drawing.lines), _NARROW_CHART)
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
+    # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
     shown = drawing.shown()
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
     labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
     labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
     write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
     return figure
-
-
-def _cost(drawing: _Drawing) -> str:
-    """What the costs are; of times what is timed, of other programs, too."""
-    chart = drawing.chart
-    label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
-    if drawing.versus == "time" and chart.peers:
-        label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
-    return label
 
 
 def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
@@ -657,19 +643,3 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     add_legend(figure, axes, handles, labels, _NARROW_CHART)
     add_title(figure, _title(drawing, name, "error over the time step"))
     return figure
-
-
-def _closest(drawing: _Drawing, line: str) -> Point | None:
-    """The point of a line whose step is closest to the record's."""
-    interval = drawing.chart.interval
-    points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
-    return min(points, key=lambda point: abs(math.log(point.dt / interval)), default=None)
-
-
-def _draw_proportion(axes: Any, charts: Sequence[Chart]) -> None:
-    """A line of cost in proportion to size, under the others."""
-    stories = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
-    top = axes.get_ylim()[1]
-    limits = axes.get_ylim()
-    axes.plot(stories, 0.5 * top * stories / stories[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
-    axes.set_ylim(limits)

@@ -110,15 +110,53 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     """Picture of a scaled suite."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_suite(figure.subplots(), scaling, units)
-    add_title(figure, _title(scaling, units))
+    # What it was scaled to, in words.
+    aim = scaling.target
+    target = "" if aim is None else aim.source if aim.curve else record_name(aim.source)
+    value = ""
+    if scaling.measure is not None and scaling.value is not None:
+        unit = scaling.measure.unit
+        value = f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} {units.label(unit)}"
+    ways = {
+        "value": f"scaled to {value}",
+        "mean": f"scaled to {target}, least squares of ln Sa",
+        "asce7": f"scaled to {target} by ASCE 7",
+        "ec8": f"scaled to {target} by EN 1998-1",
+        "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
+    }
+    # How many there are; of one its name.
+    records = [record for motion in scaling.motions for record in components(motion)]
+    count = len(scaling.motions)
+    subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    names = (
+        how_many(count, subject) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    )
+    pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
+    title = f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{pair}"
+    add_title(figure, title)
     return figure
 
 
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """The scaled spectra with median, fractiles and what they were scaled to."""
-    periods = _periods(scaling)
-    spectra, quantity = _spectra(scaling, periods)
-    spectra = units.of(spectra, "m/s^2")
+    # The periods show the suite and what it was scaled to, none shorter than the samples resolve.
+    low, high, count = _PERIODS
+    for aimed in (scaling.periods, _aimed(scaling)):
+        if aimed is not None and len(aimed) and aimed[0] > 0.0:
+            low, high = min(low, 0.8 * float(aimed[0])), max(high, 1.25 * float(aimed[-1]))
+    intervals = [record.dt for motion in scaling.motions for record in components(motion)]
+    periods = np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
+    # Each motion has a line; but the median of FEMA P-695 is that of all components.
+    quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    if quantity == "pair" and scaling.rule == "p695":
+        quantity = "component"
+        parts = [
+            factor * suite_spectra(components(motion), periods, scaling.damping, scaling.pair)
+            for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
+        ]
+        spectra = units.of(np.concatenate(parts), "m/s^2")
+    else:
+        spectra = units.of(scaling.spectra(periods), "m/s^2")
     several = len(spectra) > 1
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
@@ -133,19 +171,6 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
     add_gravity_axis(axes, units.unit("m/s^2")[0])
     axes.legend(loc="lower left")
-
-
-def _spectra(scaling: Scaling, periods: Array) -> tuple[Array, str]:
-    """What is drawn, and what one of them is: the median of FEMA P-695 is that of all components."""
-    if isinstance(scaling.motions[0], Record):
-        return scaling.spectra(periods), "record"
-    if scaling.rule != "p695":
-        return scaling.spectra(periods), "pair"
-    parts = [
-        factor * suite_spectra(components(motion), periods, scaling.damping, scaling.pair)
-        for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
-    ]
-    return np.concatenate(parts), "component"
 
 
 def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits) -> None:
@@ -178,40 +203,6 @@ def _aimed(scaling: Scaling) -> tuple[float, ...]:
     return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()
 
 
-def _periods(scaling: Scaling) -> Array:
-    """Periods that show the suite, and what it was scaled to."""
-    low, high, count = _PERIODS
-    for periods in (scaling.periods, _aimed(scaling)):
-        if periods is not None and len(periods) and periods[0] > 0.0:
-            low, high = min(low, 0.8 * float(periods[0])), max(high, 1.25 * float(periods[-1]))
-    intervals = [record.dt for motion in scaling.motions for record in components(motion)]
-    return np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
-
-
-def _title(scaling: Scaling, units: OutputUnits) -> str:
-    named = scaling.target
-    target = "" if named is None else named.source if named.curve else record_name(named.source)
-    value = ""
-    if scaling.measure is not None and scaling.value is not None:
-        unit = scaling.measure.unit
-        value = f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} {units.label(unit)}"
-    ways = {
-        "value": f"scaled to {value}",
-        "mean": f"scaled to {target}, least squares of ln Sa",
-        "asce7": f"scaled to {target} by ASCE 7",
-        "ec8": f"scaled to {target} by EN 1998-1",
-        "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
-    }
-    records = [record for motion in scaling.motions for record in components(motion)]
-    count = len(scaling.motions)
-    subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
-    names = (
-        how_many(count, subject) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
-    )
-    measure = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
-    return f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{measure}"
-
-
 # ---- Collapse
 
 _PARTS = (0.16, 0.5, 0.84)
@@ -225,13 +216,24 @@ def ida_picture(study: IdaStudy) -> Figure:
     """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`)."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
-    add_title(figure, _ida_title(study))
+    records = [curve.record for curve in study.states[0].curves]
+    subject = (
+        f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
+    )
+    title = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
+    if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
+        title += f", {100.0 * study.measure.damping:g} % damping of Sa"
+    add_title(figure, title)
     return figure
 
 
 def draw_ida(axes: Any, study: IdaStudy) -> None:
     """The curves of a study with their fractiles and capacities."""
-    limit = _largest_drift(study)
+    # The axis of drift ends at that of collapse, where some building collapses or comes near to it.
+    limit = study.model.collapse_drift
+    largest = max((run.drift_ratio for curve in study.curves for run in curve.stable), default=0.0)
+    if 0.0 < largest <= 0.5 * limit and all(curve.collapse.censored for curve in study.curves):
+        limit = largest
     states = study.states
     count = len(states[0].curves)
     look = single_look(count > 1 or len(states) > 1)
@@ -242,29 +244,18 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
     for state in states:
         _draw_capacities(axes, state, limit)
-    _draw_lost(axes, study, limit)
-    axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0)))
+    # Runs without a result, at the edge.
+    lost = [run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)]
+    if lost:
+        axes.plot([100.0 * limit] * len(lost), lost, "x", color="0.4", label="run without a result", clip_on=False)
+    # The axis of intensity ends above the capacities, and the largest levels that a building stands.
+    capacities = (curve.collapse.capacity for curve in study.curves)
+    stood = (run.im for curve in study.curves for run in curve.stable)
+    highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
+    axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (highest or 1.0)))
     axes.set(xlabel="largest drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit))
     add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
-
-
-def _highest(curve: IdaCurve) -> float:
-    """The largest intensity that is shown of a curve: its capacity, or the largest level that the building stands."""
-    stable = [run.im for run in curve.stable]
-    if math.isfinite(curve.collapse.capacity):
-        stable.append(curve.collapse.capacity)
-    return max(stable, default=0.0)
-
-
-def _largest_drift(study: IdaStudy) -> float:
-    """The drift ratio at which the axis ends: that of collapse, where some building collapses or comes near to it."""
-    collapse_drift = study.model.collapse_drift
-    largest = max((run.drift_ratio for curve in study.curves for run in curve.stable), default=0.0)
-    collapses = any(not curve.collapse.censored for curve in study.curves)
-    if collapses or largest > 0.5 * collapse_drift or largest == 0.0:
-        return collapse_drift
-    return largest
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
@@ -321,24 +312,6 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
             )
 
 
-def _draw_lost(axes: Any, study: IdaStudy, limit: float) -> None:
-    """Levels of runs without a result, at the edge."""
-    lost = [run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)]
-    if lost:
-        axes.plot([100.0 * limit] * len(lost), lost, "x", color="0.4", label="run without a result", clip_on=False)
-
-
-def _ida_title(study: IdaStudy) -> str:
-    records = [curve.record for curve in study.states[0].curves]
-    subject = (
-        f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
-    )
-    text = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
-    if isinstance(study.measure, MotionIntensity) or study.measure.periods == (0.0,):
-        return text
-    return f"{text}, {100.0 * study.measure.damping:g} % damping of Sa"
-
-
 _POINTS = 300  # likewise
 _ACROSS = 4  # panels of types in a row
 _TOGETHER = 2  # functions that stand in one panel with those of the model's dispersion
@@ -360,7 +333,14 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         # The fitted functions with what tells how sure they are; beside them those with the model's dispersion.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
-        _draw_totals(second, functions)
+        end = _end(functions)
+        im = np.linspace(0.0, end, _POINTS)[1:]
+        for i, function in enumerate(functions):
+            label = _label(function, function.beta_total)
+            second.plot(im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label)
+        second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
+        add_gravity_axis(second, functions[0].unit, horizontal=True)
+        _name_functions(second, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}")
         if stacked:
             second.set_ylabel(first.get_ylabel())
     elif cloud is None:
@@ -369,7 +349,16 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
         draw_functions(right, functions)
-    add_title(figure, _fragility_title(functions))
+    # What was fitted, by which rule, to how many.
+    function = functions[0]
+    title = _NAMES[function.fit]
+    censored = {function.censored for function in functions}
+    if function.fit == "ida":
+        title += ", maximum likelihood" if any(censored) else ", method of moments"
+    title += f"\n{how_many(function.records, 'run' if function.fit == 'cloud' else 'record')}"
+    if any(censored):
+        title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
+    add_title(figure, title)
     return figure
 
 
@@ -440,18 +429,6 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     _name_functions(axes, functions)
-
-
-def _draw_totals(axes: Any, functions: Sequence[Fragility]) -> None:
-    """The functions with the model's dispersion alone."""
-    end = _end(functions)
-    im = np.linspace(0.0, end, _POINTS)[1:]
-    for i, function in enumerate(functions):
-        label = _label(function, function.beta_total)
-        axes.plot(im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label)
-    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
-    add_gravity_axis(axes, functions[0].unit, horizontal=True)
-    _name_functions(axes, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}")
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
@@ -527,15 +504,3 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
         threshold += f"{state}, "
     beta = rf"$\beta$ = {function.beta:.2f}" if beta_total is None else rf"$\beta_{{total}}$ = {beta_total:.2f}"
     return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"
-
-
-def _fragility_title(functions: Sequence[Fragility]) -> str:
-    first = functions[0]
-    text = _NAMES[first.fit]
-    if first.fit == "ida":
-        text += ", maximum likelihood" if any(function.censored for function in functions) else ", method of moments"
-    count = how_many(first.records, "run" if first.fit == "cloud" else "record")
-    numbers = {function.censored for function in functions}
-    most = max(numbers)
-    censored = f", {'up to ' * (len(numbers) > 1)}{most} censored" if most else ""
-    return f"{text}\n{count}{censored}"

@@ -29,6 +29,7 @@ from tdint.output.figures.style import (
     changed,
     is_narrow,
     line_look,
+    over_stories,
     plain_numbers,
     record_name,
     record_names,
@@ -43,7 +44,7 @@ from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
-    from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
+    from tdint.analysis.compare import Comparison, FloorComparison
     from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
@@ -73,6 +74,7 @@ def comparison_picture(
         Of lengths and accelerations.
     """
     units = units.in_pictures
+    # Of many floors those that agree least have a row, and all a point in the overview below.
     rows = [
         (comparison, floor, spectra)
         for comparison in comparisons
@@ -90,15 +92,20 @@ def comparison_picture(
         _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
     panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
     for (comparison, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
-        event = record_name(comparison.event.recording.source) if len(comparisons) > 1 else ""
+        event = f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
+        agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
         _draw_histories(history, floor, units)
         history.set_xlim(*_shaken(comparison))
         history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
-        history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
+        history.set_title(f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor, units)
         close.set_xlim(*_strongest(comparison))
         close.tick_params(labelleft=False)
-        _draw_spectra(spectrum, spectra, units)
+        for values, color, width in ((spectra.recorded, _RECORDED, 1.5), (spectra.computed, _COMPUTED, 0.9)):
+            spectrum.plot(spectra.periods, units.of(values, "m/s^2"), color=color, linewidth=width)
+        spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
+        spectrum.tick_params(axis="x", which="both", labelsize=7.0)
+        log_periods(spectrum, spectra.periods)
     panels[-1, 1].set_xlabel("time (s)")
     panels[-1, 2].set_xlabel("period (s)")
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
@@ -110,16 +117,16 @@ def comparison_picture(
 
 
 def _title(comparison: Comparison, left_out: int) -> str:
-    band = comparison.event.recording.band
-    subject = f"{comparison.response.model.name} beside {record_name(comparison.event.recording.source)}"
-    how = [f"{comparison.response.method}, dt {comparison.response.dt:.4g} s"]
-    if band:
-        how.append(f"{band[0]:g} to {band[1]:g} Hz")
+    """What was run, and how the recordings were brought to it."""
+    response, recording = comparison.response, comparison.event.recording
+    how = [f"{response.method}, dt {response.dt:.4g} s"]
+    if recording.band:
+        how.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
     if comparison.shift:
         how.append(f"recordings shifted by {comparison.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return f"{subject}\n{', '.join(how)}"
+    return f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}"
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
@@ -147,42 +154,24 @@ def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> No
     axes.xaxis.set_major_locator(MaxNLocator(5))
 
 
-def _agreement(floor: FloorComparison, event: str) -> str:
-    place = f"{event}, floor {floor.floor}" if event else f"floor {floor.floor}"
-    return f"{place}: correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
-
-
 def _shaken(comparison: Comparison) -> tuple[float, float]:
     """The times between which the floors were shaken, s."""
     ends = []
     for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
         ends += [floor.time[int(np.searchsorted(energy, part * energy[-1]))] for part in _ENERGY]
-    return (
-        (min(ends), max(ends))
-        if min(ends) < max(ends)
-        else (comparison.floors[0].time[0], comparison.floors[0].time[-1])
-    )
+    if min(ends) < max(ends):
+        return min(ends), max(ends)
+    return comparison.floors[0].time[0], comparison.floors[0].time[-1]
 
 
 def _strongest(comparison: Comparison) -> tuple[float, float]:
     """Some cycles around the largest recorded value of the highest floor, s."""
     floor = comparison.floors[-1]
     crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
-    peak = int(np.argmax(np.abs(floor.recorded)))
-    middle = int(np.searchsorted(crossings, peak))
+    middle = int(np.searchsorted(crossings, int(np.argmax(np.abs(floor.recorded)))))
     near = crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
-    if near.size < 2:
-        return _shaken(comparison)
-    return float(floor.time[near[0]]), float(floor.time[near[-1]])
-
-
-def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
-    axes.plot(spectra.periods, units.of(spectra.recorded, "m/s^2"), color=_RECORDED, linewidth=1.5)
-    axes.plot(spectra.periods, units.of(spectra.computed, "m/s^2"), color=_COMPUTED, linewidth=0.9)
-    axes.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
-    axes.tick_params(axis="x", which="both", labelsize=7.0)
-    log_periods(axes, spectra.periods)
+    return (floor.time[near[0]], floor.time[near[-1]]) if near.size >= 2 else _shaken(comparison)
 
 
 # ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
@@ -246,10 +235,8 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
     """Values of the stories, a stair each."""
     for number, (rule, values) in enumerate(rows.items()):
-        stories = np.arange(values.size + 1) + 0.5
-        look = {"linestyle": DASHES[number], "color": COLORS[number]}
-        axes.stairs(values, stories, orientation="horizontal", baseline=None, label=rule, **look)
-    axes.set(ylim=(stories[0], stories[-1]), xlim=(0.0, None), ylabel="story", xlabel=label)
+        over_stories(axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number])
+    axes.set(ylim=(0.5, values.size + 0.5), xlim=(0.0, None), ylabel="story", xlabel=label)
     axes.yaxis.get_major_locator().set_params(integer=True)
 
 
@@ -264,7 +251,15 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
-    _draw_energy(energy, test, units)
+    cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
+    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J", units)
+    energy.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
+    energy.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
+    energy.legend(loc="upper left")
+    energy.set_xlim(0.0, max(cycle[-1], 1.0))
+    energy.set(ylim=(min(0.0, energy.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
+    energy.set_ylabel(f"energy ({unit})")
+    energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     kind = "cyclic test" if test.points else "path of drifts"
     add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
     return figure
@@ -281,34 +276,17 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
         # Not dashed: the dashes of one cycle would fill the gaps of another.
         force = test.shear_with_p_delta * factor
         axes.plot(drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
-    _mark_yielding(axes, test, units)
+    # First yield, where the test goes beyond it.
+    if test.yield_drift < float(np.max(test.path.drift)):
+        yielding = units.of(test.yield_drift, "m")
+        label = f"yield drift {yielding:.3g} {units.label('m')}"
+        for at, named in ((yielding, label), (-yielding, None)):
+            axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=named)
     if len(axes.get_legend_handles_labels()[0]) > 1:
         axes.legend(loc="upper left")
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     add_ratio_axis(axes, units.of(test.height, "m"), "drift ratio (%)")
-
-
-def _mark_yielding(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
-    """Dotted lines at the drifts of first yield, where the test goes beyond them."""
-    if not test.yield_drift < float(np.max(test.path.drift)):
-        return
-    drift = units.of(test.yield_drift, "m")
-    label = f"yield drift {drift:.3g} {units.label('m')}"
-    for at, said in ((drift, label), (-drift, None)):
-        axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=said)
-
-
-def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
-    cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
-    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J", units)
-    axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
-    axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
-    axes.legend(loc="upper left")
-    axes.set_xlim(0.0, max(cycle[-1], 1.0))
-    axes.set(ylim=(min(0.0, axes.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
-    axes.set_ylabel(f"energy ({unit})")
-    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
 
 
 def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
@@ -387,24 +365,16 @@ def _draw_profile(
     axes: Any, result: Pushover, units: OutputUnits, drifts: Sequence[tuple[Array, int, str]] | None = None
 ) -> None:
     """Drifts of the stories, each with the number of its look: by default at the largest base shear and at the end."""
-    stories = np.arange(result.drift.shape[1] + 1) + 0.5
     heights = [story.drift_height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
     scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
     at_largest, at_end = (result.drift_at_largest, 0, "at the largest base shear"), (result.drift[-1], 0, "at the end")
     for place, (drift, number, text) in enumerate(drifts or (at_largest, at_end)):
-        axes.stairs(
-            drift * scale,
-            stories,
-            orientation="horizontal",
-            baseline=None,
-            linestyle=DASHES[0] if drifts else DASHES[1 - place],
-            color=COLORS[number],
-            label=text,
-        )
+        dashes = DASHES[0] if drifts else DASHES[1 - place]
+        over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
-    axes.set_ylim(stories[0], stories[-1])
+    axes.set_ylim(0.5, len(heights) + 0.5)
     axes.yaxis.get_major_locator().set_params(integer=True)
     axes.set(ylabel="story", xlabel="drift ratio (%)" if ratio else f"drift ({units.label('m')})")
 
@@ -497,24 +467,19 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
-    _draw_husid(column[3], info, time, units)
-    column[3].set(xlim=(time[0], time[-1]), xlabel="time (s)")
-
-
-def _draw_husid(axes: Any, info: RecordInfo, time: Any, units: OutputUnits) -> None:
-    """The integral of the squared acceleration over its final value (Husid 1969), with the significant durations."""
-    energy = cumulative_energy(info.record)
+    # The integral of the squared acceleration over its final value (Husid 1969), with the significant durations.
+    energy = cumulative_energy(record)
     total = float(energy[-1])
-    axes.set_ylim(-2.0, 102.0)
-    if total == 0.0:
-        return
-    axes.plot(time, 100.0 * energy / total, color=COLORS[0])
-    times = [time_of_energy(info.record, energy, share) for share in _SHARES]
-    axes.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
-    measures = info.measures
-    text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
-    text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
-    write_note(axes, text, y=0.5)
+    husid = column[3]
+    husid.set_ylim(-2.0, 102.0)
+    if total > 0.0:
+        husid.plot(time, 100.0 * energy / total, color=COLORS[0])
+        times = [time_of_energy(record, energy, share) for share in _SHARES]
+        husid.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
+        text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
+        text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
+        write_note(husid, text, y=0.5)
+    husid.set(xlim=(time[0], time[-1]), xlabel="time (s)")
 
 
 # ---- Performance profiles: methods compared over many problems
@@ -567,8 +532,16 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
         axes.set_xlabel("time over the least of all methods")
     order = [line for line in chart.lines if line in handles]
     add_legend(figure, panels[0, 0], [handles[line] for line in order], order, _IN_THREE)
-    for legend in figure.legends:  # none for one method
-        foot = wrap(_profile_foot(chart), _NARROW_FOOT if narrow else _PROFILE_FOOT)
+    # The legend, which one method does not have, says below what was compared, and on what machine.
+    timing = chart.timing
+    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
+    conditions = (
+        "Of each method the step that costs least and is within the tolerance, as are all smaller ones; lines end at "
+        f"what is solved at {_LARGEST_RATIO:g} times the least cost. Times: {CLOCKS[timing.clock]}, {timing.told}, "
+        f"{timing.processor}; {', '.join(programs)}"
+    )
+    for legend in figure.legends:
+        foot = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
@@ -583,13 +556,3 @@ def _profile_look(number: int, line: str) -> dict[str, Any]:
         return {"color": ("#b03a2e", COLORS[0], "black")[place], "linestyle": "-", "linewidth": _BOLD[line]}
     look = line_look(number, number // len(COLORS) + 1) | {"linewidth": 1.0}
     return look | ({"color": LIGHT} if PEER in line else {})
-
-
-def _profile_foot(chart: FieldChart) -> str:
-    timing = chart.timing
-    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
-    return (
-        "Of each method the step that costs least and is within the tolerance, as are all smaller ones; lines end at "
-        f"what is solved at {_LARGEST_RATIO:g} times the least cost. Times: {CLOCKS[timing.clock]}, {timing.told}, "
-        f"{timing.processor}; {', '.join(programs)}"
-    )

@@ -16,7 +16,7 @@ from tdint.output.figures.style import add_legend, add_title
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
-    from tdint.model.definition import Model, Story
+    from tdint.model.definition import Model
 
 _NARROW = 31  # labels that fit into three columns
 _NEAR = 3  # steps on both sides of the peak that a close-up shows
@@ -95,48 +95,43 @@ def row_picture(title: str, model: Model) -> Figure:
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")
     axes.add_patch(Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4"))
+    black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
     for place, index in enumerate(shown):
         left = place + (is_cut and place >= _SHOWN) + 1.0 - _SIDE
         if is_cut and place == _SHOWN:
             axes.text(left - 1.0 + 0.5 * _SIDE, 0.0, "· · ·", ha="center", va="center", fontsize=14.0)
-        _draw_link(axes, left - (1.0 - _SIDE), left)
+        # The link to the one before: a spring above a dashpot.
+        before = left - (1.0 - _SIDE)
+        middle = 0.5 * (before + left)
+        teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
+        axes.plot(np.linspace(before, left, 9), 0.13 + 0.05 * teeth, **black)
+        axes.plot([before, middle], [-0.13, -0.13], **black)
+        axes.plot([middle, middle], [-0.18, -0.08], **black)
+        cup = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
+        axes.plot(cup, [-0.2, -0.2, -0.06, -0.06], **black)
+        axes.plot([middle + 0.06, left], [-0.13, -0.13], **black)
         axes.add_patch(Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black"))
         axes.text(left + 0.5 * _SIDE, 0.0, f"{model.stories[index].mass:g} kg", ha="center", va="center", fontsize=7.5)
         axes.text(left + 0.5 * _SIDE, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
-        if force := _force_of(model, index + 1):
+        # The force on the floor, a sum of cosines and sines.
+        waves = [
+            f"{size:g} {wave} {force.omega:g}t"
+            for force in model.excitation.forces
+            for size, wave in ((force.cosine, "cos"), (force.sine, "sin"))
+            if size and force.floor == index + 1
+        ]
+        if waves:
+            text = f"{' + '.join(waves)} N"
             axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
-            axes.text(left + 0.5 * _SIDE, 0.55, force, ha="center", va="bottom", fontsize=7.0)
-    springs = list(dict.fromkeys(_spring_of(story) for story in model.stories))
+            axes.text(left + 0.5 * _SIDE, 0.55, text, ha="center", va="bottom", fontsize=7.0)
+    # The law of the links, in powers of the drift d, once if all are alike.
+    springs: list[str] = []
+    for story in model.stories:
+        powers = zip(story.law.parameters, ("d", "d²", "d³"), strict=False)
+        spring = " + ".join(f"{value:g} {power}" for value, power in powers if value)
+        springs.append(f"f = {spring} N, dashpot {story.dashpot:g} N s/m")
+    springs = list(dict.fromkeys(springs))
     text = "\n".join(springs if len(springs) == 1 else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)])
     axes.text(0.0, -0.6, text, ha="left", va="top", fontsize=7.5)
     add_title(figure, title)
     return figure
-
-
-def _draw_link(axes: Any, left: float, right: float) -> None:
-    """A spring above a dashpot."""
-    x = np.linspace(left, right, 9)
-    teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
-    axes.plot(x, 0.13 + 0.05 * teeth, color="black", linewidth=0.9)
-    middle = 0.5 * (left + right)
-    axes.plot([left, middle], [-0.13, -0.13], color="black", linewidth=0.9)
-    axes.plot([middle, middle], [-0.18, -0.08], color="black", linewidth=0.9)
-    cup = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
-    axes.plot(cup, [-0.2, -0.2, -0.06, -0.06], color="black", linewidth=0.9)
-    axes.plot([middle + 0.06, right], [-0.13, -0.13], color="black", linewidth=0.9)
-
-
-def _force_of(model: Model, floor: int) -> str:
-    """The force on a floor, N, as a sum of cosines and sines."""
-    parts = []
-    for force in model.excitation.forces:
-        waves = ((force.cosine, "cos"), (force.sine, "sin"))
-        parts += [f"{size:g} {wave} {force.omega:g}t" for size, wave in waves if size and force.floor == floor]
-    return f"{' + '.join(parts)} N" if parts else ""
-
-
-def _spring_of(story: Story) -> str:
-    """Force and dashpot of a story, with the powers of the drift d."""
-    powers = ("d", "d²", "d³")
-    terms = [f"{value:g} {power}" for value, power in zip(story.law.parameters, powers, strict=False) if value]
-    return f"f = {' + '.join(terms)} N, dashpot {story.dashpot:g} N s/m"

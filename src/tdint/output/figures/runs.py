@@ -28,6 +28,7 @@ from tdint.output.figures.style import (
     is_narrow,
     legend_columns,
     line_look,
+    over_stories,
     plain_logarithmic,
     record_name,
     scaled_unit,
@@ -39,7 +40,6 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
     from tdint.campaign.sensitivity import Swing
-    from tdint.ground_motion.record import Record
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
@@ -49,6 +49,14 @@ _APART = 8.0  # the first story's drift over the largest of all others, from whi
 _LAYER = 1e-4  # an energy is drawn that reaches this part of the largest input
 _SAME = 1e-9  # times that differ by less than this part are the same
 _NAMED = 3  # shocks whose records the title names
+_ABOVE = {
+    "loc": "lower left",
+    "bbox_to_anchor": (-0.02, 1.0),
+    "borderaxespad": 0.1,
+    "fontsize": 7.0,
+    "handlelength": 1.6,
+}
+"""A legend above a panel: inside, it would lie over the bars."""
 _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
 
 
@@ -56,28 +64,36 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     """Picture of a run: ground, roof displacement and energies over time; drifts, floor accelerations and shears over
     the height; the hysteresis of one story. Of a response without its history what is over the height.
     """
-    draw = _draw_heights if response.history is None else _draw
-    return draw(response, units.in_pictures)
-
-
-def _draw_heights(response: Response, units: OutputUnits) -> Figure:
+    units = units.in_pictures
+    if response.history is not None:
+        return _draw(response, response.history, units)
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     draw_profiles(figure.subplots(1, 3), response, units)
     add_title(figure, f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s")
     return figure
 
 
-def _draw(response: Response, units: OutputUnits) -> Figure:
-    history = response.history
-    assert history is not None
+def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
+    """The figure of a run with its history."""
     narrow = is_narrow()
     figure = Figure(figsize=(8.0, 12.4 if narrow else 9.4), layout="constrained")
     grid = figure.add_gridspec(4, 1, height_ratios=(1.0, 1.6, 1.9, 6.4 if narrow else 3.4))
     if response.record is None:
         roof = figure.add_subplot(grid[:2])
     else:
+        # The samples of the record up to the end of the run, whatever its steps.
         ground = figure.add_subplot(grid[0])
-        _draw_ground(ground, response.record, history.time[-1], units)
+        motion, unit = units.of(response.record.acceleration, "m/s^2"), units.label("m/s^2")
+        time, end = response.record.dt * np.arange(motion.size), history.time[-1]
+        if end > time[-1]:  # the ground comes to rest within a sample
+            time, motion = np.append(time, [time[-1] + response.record.dt, end]), np.append(motion, [0.0, 0.0])
+        shown = time <= end * (1.0 + _SAME)
+        time, motion = time[shown], motion[shown]
+        ground.plot(time, motion, color=LIGHT, linewidth=0.8)
+        ground.set_ylabel(f"ground ({unit})")
+        ground.tick_params(labelbottom=False)
+        ground.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
+        _mark_peak(ground, time, motion, float(np.max(np.abs(motion))), unit)
         roof = figure.add_subplot(grid[1], sharex=ground)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
@@ -85,7 +101,13 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
     _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
-    _mark_shocks(figure.axes[: 2 if response.record is not None else 1], response)
+    # Where the shocks of a sequence begin, their numbers above the upper panel.
+    for axes in figure.axes[: 2 if response.record is not None else 1]:
+        for shock in response.shocks[1:]:
+            axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
+    for number, shock in enumerate(response.shocks, start=1):
+        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
+        figure.axes[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
     if records:
@@ -96,33 +118,6 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
         title += f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at {collapse.time:.4g} s"
     add_title(figure, title)
     return figure
-
-
-def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> None:
-    """The samples of the record up to the end of the run, s, whatever its steps."""
-    ground, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
-    time = record.dt * np.arange(ground.size)
-    if end > time[-1]:  # the ground comes to rest within a sample
-        time, ground = np.append(time, [time[-1] + record.dt, end]), np.append(ground, [0.0, 0.0])
-    shown = time <= end * (1.0 + _SAME)
-    time, ground = time[shown], ground[shown]
-    axes.plot(time, ground, color=LIGHT, linewidth=0.8)
-    axes.set_ylabel(f"ground ({unit})")
-    axes.tick_params(labelbottom=False)
-    axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-    _mark_peak(axes, time, ground, float(np.max(np.abs(ground))), unit)
-
-
-def _mark_shocks(panels: Sequence[Any], response: Response) -> None:
-    """Where the shocks of a sequence begin, their numbers above."""
-    if not response.shocks:
-        return
-    for axes in panels:
-        for shock in response.shocks[1:]:
-            axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-    for number, shock in enumerate(response.shocks, start=1):
-        place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
-        panels[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
 
 
 def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
@@ -191,9 +186,20 @@ def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) ->
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    story, reason = _telling_story(response, units)
+    # The story whose hysteresis says most: that of the largest ductility, else drift ratio, else drift.
+    stories = response.stories
+    story, reason = 0, "no drift"
+    for values, name, factor, unit in (
+        (stories.ductility, "largest ductility", 1.0, ""),
+        (stories.peak_drift_ratio, "largest drift", 100.0, " %"),
+        (units.of(stories.peak_drift, "m"), "largest drift", 1.0, f" {units.label('m')}"),
+    ):
+        if np.any(np.isfinite(values)):
+            story = int(np.nanargmax(values))
+            reason = f"{name}, {factor * values[story]:.3g}{unit}"
+            break
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
-    if np.isnan(response.stories.ductility[story]):
+    if np.isnan(stories.ductility[story]):
         # The force of a law that does not yield follows from the drift: its curve, not the chords between the steps.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
@@ -204,20 +210,6 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
     axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-
-
-def _telling_story(response: Response, units: OutputUnits) -> tuple[int, str]:
-    """The story whose hysteresis says most, from 0: the largest ductility, else drift ratio, else drift."""
-    stories = response.stories
-    for values, name, factor, unit in (
-        (stories.ductility, "largest ductility", 1.0, ""),
-        (stories.peak_drift_ratio, "largest drift", 100.0, " %"),
-        (units.of(stories.peak_drift, "m"), "largest drift", 1.0, f" {units.label('m')}"),
-    ):
-        if np.any(np.isfinite(values)):
-            story = int(np.nanargmax(values))
-            return story, f"{name}, {factor * values[story]:.3g}{unit}"
-    return 0, "no drift"
 
 
 @dataclass(frozen=True)
@@ -269,30 +261,53 @@ def _frame_profile(axes: Any, response: Response) -> None:
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
     """Three panels over the stories: drifts, absolute accelerations of the floors (the ground below them), shears."""
     drifts, accelerations, shears = panels
+    stories = response.stories
     _draw_drifts(drifts, response, units)
-    _draw_accelerations(accelerations, response, units)
-    _draw_shears(shears, response, units)
+    # Points at the floors: that of story 1 lies above it; the ground at the bottom.
+    floors = units.of(stories.peak_acceleration, "m/s^2")
+    ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
+    look = {"color": INK, "linewidth": 1.2, "marker": "o" if floors.size <= 20 else None, "markersize": 3.0}
+    accelerations.plot([ground, *floors], np.arange(floors.size + 1) + 0.5, **look, clip_on=False)
+    if max(ground, np.max(floors)) > 0.0:
+        accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
+    accelerations.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")
+    # Shears of the stories; where there are dashpots, their forces and the sum as well.
+    damped = np.any(stories.peak_damper_force)
+    total = stories.peak_total_shear if damped else stories.peak_shear
+    factor, unit = scaled_unit(float(np.max(total)), "N", units)
+    over_stories(shears, factor * stories.peak_shear, fill=True, color=INK, alpha=0.18)
+    over_stories(shears, factor * stories.peak_shear, color=INK, linewidth=1.4)
+    if damped:
+        for force, dashes, label in (
+            (total, DASHES[1], "with viscous forces"),
+            (stories.peak_damper_force, DASHES[2], "dashpots"),
+        ):
+            over_stories(shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label)
+        shears.legend(**_ABOVE)
+    shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:
         _frame_profile(axes, response)
         axes.tick_params(labelleft=axes is drifts)
     drifts.set_ylabel("story")
 
 
-def _bars(axes: Any, values: Array, **style: Any) -> None:
-    axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
-
-
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     drifts = _Drifts.of(response, units)
     values = np.where(drifts.apart, np.nan, drifts.peak)
     filled = np.nan_to_num(values)
-    _bars(axes, filled, fill=True, color=INK, alpha=0.18)
-    _bars(axes, filled, color=INK, linewidth=1.4, **({"label": "all shocks"} if response.shocks else {}))
-    _draw_drifts_of_shocks(axes, response, drifts)
+    over_stories(axes, filled, fill=True, color=INK, alpha=0.18)
+    over_stories(axes, filled, color=INK, linewidth=1.4, **({"label": "all shocks"} if response.shocks else {}))
+    # The peaks of each shock of a sequence, as far as there are looks for them.
+    whole = response.stories.peak_drift
+    scale = np.divide(drifts.peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
+    for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
+        of_shock = np.where(drifts.apart, 0.0, scale * shock.stories.peak_drift)
+        over_stories(axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
+    # What is left, the errors and the drift of collapse, where they can be seen.
     largest = drifts.largest
     residual = np.where(drifts.apart, 0.0, drifts.residual)
     if np.any(residual > _VISIBLE * largest):
-        _bars(axes, residual, color=MARK, linestyle=DASHES[2], label="at the end of the run")
+        over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="at the end of the run")
     if drifts.error is not None and np.any(np.where(drifts.apart, 0.0, drifts.error) > _SEEN * largest):
         places = np.arange(1, values.size + 1)
         errors = np.where(drifts.apart, np.nan, drifts.error)
@@ -300,57 +315,18 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     limit = 100.0 * response.model.collapse_drift
     if drifts.unit == "%" and largest > _NEAR * limit:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
-    _mark_apart(axes, units.of(response.stories.peak_drift, "m"), units.label("m"), drifts)
-    if axes.get_legend_handles_labels()[0]:
-        # Above the panel: inside, it would lie over the bars.
-        axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1, fontsize=7.0, handlelength=1.6)
-    axes.set_xlabel(f"drift ({drifts.unit}{' of height' if drifts.unit == '%' else ''})")
-
-
-def _draw_drifts_of_shocks(axes: Any, response: Response, drifts: _Drifts) -> None:
-    """The peaks of each shock of a sequence, as far as there are looks for them."""
-    whole = response.stories.peak_drift
-    scale = np.divide(drifts.peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
-    for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
-        values = np.where(drifts.apart, 0.0, scale * shock.stories.peak_drift)
-        _bars(axes, values, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
-
-
-def _mark_apart(axes: Any, peaks: Array, unit: str, drifts: _Drifts) -> None:
-    """A bar off the scale with its length in it."""
-    end = _BEYOND * drifts.largest or 1.0
+    # Of a story that is drawn apart a bar off the scale with its length in it.
+    end = _BEYOND * largest or 1.0
     for place in np.flatnonzero(drifts.apart):
         axes.barh(place + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0)
-        text = f"{_short(peaks[place])} {unit}"
+        text = f"{_short(units.of(whole, 'm')[place])} {units.label('m')}"
         white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
         axes.text(0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK, bbox=white)
     if drifts.apart.any():
         axes.set_xlim(right=end)
-
-
-def _draw_accelerations(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Points at the floors: that of story 1 lies above it; the ground at the bottom."""
-    floors = units.of(response.stories.peak_acceleration, "m/s^2")
-    places = np.arange(floors.size + 1) + 0.5
-    ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
-    marker = "o" if floors.size <= 20 else None
-    axes.plot([ground, *floors], places, color=INK, linewidth=1.2, marker=marker, markersize=3.0, clip_on=False)
-    if max(ground, np.max(floors)) > 0.0:
-        axes.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
-    axes.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")
-
-
-def _draw_shears(axes: Any, response: Response, units: OutputUnits) -> None:
-    shears, devices = response.stories.peak_shear, response.stories.peak_damper_force
-    total = response.stories.peak_total_shear if np.any(devices) else shears
-    factor, unit = scaled_unit(float(np.max(total)), "N", units)
-    _bars(axes, factor * shears, fill=True, color=INK, alpha=0.18)
-    _bars(axes, factor * shears, color=INK, linewidth=1.4)
-    if np.any(devices):
-        _bars(axes, factor * total, color=INK, linewidth=1.0, linestyle=DASHES[1], label="with viscous forces")
-        _bars(axes, factor * devices, color=INK, linewidth=1.0, linestyle=DASHES[2], label="dashpots")
-        axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1, fontsize=7.0, handlelength=1.6)
-    axes.set_xlabel(f"story shear ({unit})")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**_ABOVE)
+    axes.set_xlabel(f"drift ({drifts.unit}{' of height' if drifts.unit == '%' else ''})")
 
 
 # ---- Figures of what buildings have to bear: demands of a suite over the height, spectra of floors, and what moves
@@ -378,6 +354,7 @@ def profile_picture(
         What was run; the building's name where there is one alone.
     """
     units = units.in_pictures
+    # A row for each scale and level; shown are the first ones.
     rows: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
@@ -386,18 +363,28 @@ def profile_picture(
     panels = figure.subplots(len(shown), 3, squeeze=False)
     looks = building_looks(profile.building for profile in profiles)
     for axes, same in zip(panels, shown, strict=True):
-        by_length = any(map(_without_heights, same))
+        # Drifts in percent of the height; as lengths where a building has no heights.
+        by_length = any(profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in same)
         for profile in same:
-            for panel, (values, by_floor) in zip(axes, _quantities(profile, units, by_length=by_length), strict=True):
+            peaks = profile.peaks
+            drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+            accelerations = units.of(peaks["peak_acceleration"], "m/s^2")
+            for panel, values in zip(axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True):
                 if len(values):
-                    line = partial(_line, panel, by_floor=by_floor)
+                    line = partial(_line, panel, by_floor=values is accelerations)
                     _draw_motions(panel, values, line, looks[profile.building], "largest")
         _finish_row(axes, same, units, None if by_length else limit, same[0].level_text if len(rows) > 1 else "")
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _name_below(figure, panels[:, 0])
     subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
-    add_title(figure, f"{subject}\n{_suite(shown[0])}{more}")
+    runs, pairs = shown[0][0].runs, shown[0][0].pairs
+    motions = how_many(runs, "motion")
+    if 0 < pairs < runs:
+        motions += f", of {how_many(pairs, 'pair')} the larger component"
+    elif pairs:
+        motions = f"{how_many(pairs, 'pair')}, the larger component of each"
+    add_title(figure, f"{subject}\n{motions}{more}")
     return figure
 
 
@@ -420,14 +407,6 @@ def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
         text.set_parse_math(False)
 
 
-def _suite(profiles: Sequence[Profile]) -> str:
-    """How many motions there were."""
-    runs, pairs = profiles[0].runs, profiles[0].pairs
-    if 0 < pairs < runs:
-        return f"{how_many(runs, 'motion')}, of {how_many(pairs, 'pair')} the larger component"
-    return f"{how_many(pairs, 'pair')}, the larger component of each" if pairs else how_many(runs, "motion")
-
-
 def _draw_motions(axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str) -> None:
     """What `line` draws of each motion, thin and gray where no building is named, of their mean and their largest."""
     color, name = look
@@ -438,22 +417,6 @@ def _draw_motions(axes: Any, rows: Array, line: Callable[..., Any], look: tuple[
     line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
     style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
-
-
-def _quantities(profile: Profile, units: OutputUnits, *, by_length: bool) -> list[tuple[Array, bool]]:
-    """What the panels show, shape (motions, n), and whether it is of floors; drifts in percent of the height, or as
-    lengths."""
-    drifts = units.of(profile.peaks["peak_drift"], "m") if by_length else 100.0 * profile.peaks[DRIFT_RATIO]
-    return [
-        (drifts, False),
-        (units.of(profile.peaks["peak_acceleration"], "m/s^2"), True),
-        (profile.peaks["peak_total_shear"], False),
-    ]
-
-
-def _without_heights(profile: Profile) -> bool:
-    """Whether there are drifts, and none over a height."""
-    return bool(profile.motions) and bool(np.isnan(profile.peaks[DRIFT_RATIO]).all())
 
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
@@ -469,17 +432,24 @@ def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
 def _finish_row(
     axes: Sequence[Any], profiles: Sequence[Profile], units: OutputUnits, limit: float | None, level: str
 ) -> None:
+    """Limits, ticks and names of a row of panels: drifts, accelerations, shears."""
     drifts, accelerations, shears = axes
     if limit is not None:
         drifts.axvline(100.0 * limit, color=MARK, linestyle=DASHES[2], label=f"limit {100.0 * limit:g} %", zorder=4)
     accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
-    _scale_shears(shears, units)
+    # The forces in the unit of their largest.
+    lines = [line for line in shears.get_lines() if len(line.get_xdata())]
+    largest = max((float(np.max(line.get_xdata())) for line in lines), default=0.0)
+    factor, unit = scaled_unit(largest, "N", units)
+    for line in lines:
+        line.set_xdata(np.asarray(line.get_xdata()) * factor)
+    shears.relim()
+    shears.autoscale_view()
+    shears.set_xlabel(f"total story shear ({unit})")
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
-    lost, runs = (
-        sum(profile.collapsed + profile.failed for profile in profiles),
-        sum(profile.runs for profile in profiles),
-    )
+    lost = sum(profile.collapsed + profile.failed for profile in profiles)
     if lost:
+        runs = sum(profile.runs for profile in profiles)
         drifts.set_title(f"{lost} of {runs} collapsed or failed, in no line", loc="left", fontsize=8.0)
     most = max(profile.height.size for profile in profiles)
     for panel in axes:
@@ -492,18 +462,6 @@ def _finish_row(
             panel.set_xticks([])
 
 
-def _scale_shears(axes: Any, units: OutputUnits) -> None:
-    """The forces of a panel in the unit of their largest."""
-    lines = [line for line in axes.get_lines() if len(line.get_xdata())]
-    largest = max((float(np.max(line.get_xdata())) for line in lines), default=0.0)
-    factor, unit = scaled_unit(largest, "N", units)
-    for line in lines:
-        line.set_xdata(np.asarray(line.get_xdata()) * factor)
-    axes.relim()
-    axes.autoscale_view()
-    axes.set_xlabel(f"total story shear ({unit})")
-
-
 def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = "") -> Figure:
     """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by the floor."""
     units = units.in_pictures
@@ -512,17 +470,10 @@ def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, 
     floors = list(dict.fromkeys(floor_spectrum.floor for floor_spectrum in spectra))
     ratios = list(dict.fromkeys(floor_spectrum.spectrum.damping for floor_spectrum in spectra))
     for floor_spectrum in spectra:
-        label = f"floor {floor_spectrum.floor}" + (
-            f", {100.0 * floor_spectrum.spectrum.damping:g} %" if len(ratios) > 1 else ""
-        )
-        look = line_look(floors.index(floor_spectrum.floor), ratios.index(floor_spectrum.spectrum.damping))
-        axes.plot(
-            floor_spectrum.spectrum.periods,
-            units.of(floor_spectrum.spectrum.psa, "m/s^2"),
-            **look,
-            linewidth=1.6,
-            label=label,
-        )
+        floor, spectrum = floor_spectrum.floor, floor_spectrum.spectrum
+        label = f"floor {floor}" + (f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else "")
+        look = line_look(floors.index(floor), ratios.index(spectrum.damping)) | {"linewidth": 1.6}
+        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **look, label=label)
     _finish(axes, units)
     axes.legend(loc="best")
     alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
@@ -544,12 +495,16 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     looks = building_looks(suite.building for suite in suites)
+    several_scales = len({repr(suite.scale) for suite in suites}) > 1
     for axes, same in zip(grid.ravel(), shown, strict=False):
         for suite in same:
             line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
             _draw_motions(axes, psa, line, looks[suite.building], "envelope")
         _finish(axes, units)
-        axes.set_title(_named(same[0], several=len({repr(suite.scale) for suite in suites}) > 1), fontsize=9.0)
+        first = same[0]
+        level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
+        damping = f"{100.0 * first.damping:g} % damping"
+        axes.set_title(", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0)
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     _name_below(figure, grid.ravel())
@@ -557,11 +512,6 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
     add_title(figure, f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}")
     return figure
-
-
-def _named(suite: FloorSuite, *, several: bool) -> str:
-    level = level_text(suite.scale if several else math.nan, suite.level, suite.measure)
-    return ", ".join(filter(None, [f"floor {suite.floor}", level, f"{100.0 * suite.damping:g} % damping"]))
 
 
 def _finish(axes: Any, units: OutputUnits) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -102,10 +102,23 @@ def draw_over_periods(
     if suite:
         lines = _draw_suite(rows[:, 0], results, panels, variants)
     else:
+        # Lines are told apart without color: dashes by component, or by variant where there are several.
+        motions = _motions(results)
+        number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
+        kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
+        by_variant = len(titles) > 1
         places = [0] * len(results) if columns is None else [titles.index(title) for title in columns]
-        styles = _line_styles(results, variants, by_variant=len(titles) > 1)
-        for result, place, label, style in zip(results, places, labels, styles, strict=True):
-            lines[label] = _draw_line(rows[:, place], result, panels, style)
+        for result, place, label, motion, variant in zip(results, places, labels, motions, variants, strict=True):
+            dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
+            color = dash if len(number) == 1 or by_variant else number[motion]
+            order = _shown(result.periods)
+            period = result.periods[order]
+            style = line_look(color, dash) | ({"marker": "o", "markersize": 4} if period.size < _FEW else {})
+            drawn = [
+                axes.plot(period, values(result)[order], **style)[0]
+                for axes, (_, values) in zip(rows[:, place], panels, strict=True)
+            ]
+            lines[label] = drawn[0]
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
         axes.set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
@@ -138,18 +151,6 @@ def in_median(results: Sequence[OverPeriods]) -> list[bool]:
     return level if any(level) else [True] * len(level)
 
 
-def _draw_line(column: Any, result: Line, panels: Sequence[Panel[Line]], style: dict[str, Any]) -> Any:
-    """A line in each panel of a column; the first one, for the legend."""
-    order = _shown(result.periods)
-    period = result.periods[order]
-    if period.size < _FEW:
-        style = {**style, "marker": "o", "markersize": 4}
-    drawn = [
-        axes.plot(period, values(result)[order], **style)[0] for axes, (_, values) in zip(column, panels, strict=True)
-    ]
-    return drawn[0]
-
-
 def _draw_suite(
     column: Any, results: Sequence[Line], panels: Sequence[Panel[Line]], variants: Sequence[Hashable]
 ) -> dict[str, Any]:
@@ -166,30 +167,12 @@ def _draw_suite(
         lines.setdefault(f"{len(set(_motions(results)))} components", gray)
         for i, kind in enumerate(kinds):
             rows_of_kind = rows[[variant == kind and counts for variant, counts in zip(variants, counted, strict=True)]]
-            color, name = COLORS[i % len(COLORS)], f", {_variant_name(kind)}" if len(kinds) > 1 else ""
+            parts = kind if isinstance(kind, tuple) else (kind,)  # a damping ratio alone, or with what was asked
+            words = (f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts)
+            color, name = COLORS[i % len(COLORS)], f", {', '.join(words)}" if len(kinds) > 1 else ""
             lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, rows_of_kind, color))
             lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, rows_of_kind, color))
     return lines
-
-
-def _variant_name(variant: Hashable) -> str:
-    parts = variant if isinstance(variant, tuple) else (variant,)
-    return ", ".join(f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts)
-
-
-def _line_styles(
-    results: Sequence[OverPeriods], variants: Sequence[Hashable], *, by_variant: bool
-) -> list[dict[str, Any]]:
-    """Lines to be told apart without color: dashes per component, or per variant where there are several."""
-    motions = _motions(results)
-    number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
-    kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
-    styles = []
-    for motion, variant in zip(motions, variants, strict=True):
-        dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
-        color = dash if len(number) == 1 or by_variant else number[motion]
-        styles.append(line_look(color, dash))
-    return styles
 
 
 def _shown(periods: Array) -> NDArray[np.intp]:
@@ -308,40 +291,30 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: O
         axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
         plain_numbers(axes.yaxis)
         axes.yaxis.set_minor_formatter(NullFormatter())
-        _add_scales(axes, units)
+        # Lines of equal displacement, rising to the left, and of equal pseudo-acceleration, rising to the right.
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        ends = np.array([left, right])
+        omega = 2.0 * math.pi / ends
+        for si, speed in (("m", omega), ("m/s^2", 1.0 / omega)):  # pseudo-velocity of a unit of each
+            unit, reach = units.label(si), units.of(units.unit(si)[1] * speed, "m/s")
+            least, most = bottom / float(np.max(reach)), top / float(np.min(reach))
+            for decade in range(math.floor(math.log10(least)), math.ceil(math.log10(most)) + 1):
+                value = 10.0**decade
+                axes.plot(ends, value * reach, color=_SCALE, linewidth=0.8, zorder=1.2)
+                _name_scale(axes, ends, value * reach, f"{value:g} {unit}", (bottom, top))
+        axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
     _name_curves(figure, axes, curves)
-    _turn_names(figure, axes)
+    # The names of scales lie along their lines, which have one slope on the paper; the layout decides it.
+    if axes.get_yscale() == "log" and axes.get_xscale() == "log":
+        figure.draw_without_rendering()
+        extent = axes.get_window_extent()
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        rise, run = extent.height / math.log(top / bottom), extent.width / math.log(right / left)
+        slope = math.degrees(math.atan2(rise, run))
+        for text in axes.texts:
+            text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
     return figure
-
-
-def _turn_names(figure: Figure, axes: Any) -> None:
-    """Lay the names of scales along their lines, which have one slope on the paper."""
-    if axes.get_yscale() != "log" or axes.get_xscale() != "log":
-        return
-    figure.draw_without_rendering()  # the layout decides the slope
-    extent = axes.get_window_extent()
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    rise, run = extent.height / math.log(top / bottom), extent.width / math.log(right / left)
-    slope = math.degrees(math.atan2(rise, run))
-    for text in axes.texts:
-        text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
-
-
-def _add_scales(axes: Any, units: OutputUnits) -> None:
-    """Lines of equal displacement (rising to the left) and of equal pseudo-acceleration (rising to the right)."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    ends = np.array([left, right])
-    omega = 2.0 * math.pi / ends
-    for si, speed in (("m", omega), ("m/s^2", 1.0 / omega)):  # pseudo-velocity of a unit of displacement, acceleration
-        unit, reach = units.label(si), units.of(units.unit(si)[1] * speed, "m/s")
-        low, high = bottom / float(np.max(reach)), top / float(np.min(reach))
-        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-        for value in (10.0**decade for decade in decades):
-            speeds = value * reach
-            axes.plot(ends, speeds, color=_SCALE, linewidth=0.8, zorder=1.2)
-            _name_scale(axes, ends, speeds, f"{value:g} {unit}", (bottom, top))
-    axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
 def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]) -> None:
@@ -428,8 +401,13 @@ def spectrum_picture(
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
-    title = over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
-    add_title(figure, title)
+    # The method, and what was chosen beside it.
+    first = spectra[0]
+    if first.method == "exact":
+        how = ", ".join(["exact solution", *_choices(first)])
+    else:
+        how = first.method + f", {first.interpolation} motion" * (first.interpolation != "linear")
+    add_title(figure, over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how))
     return figure
 
 
@@ -459,13 +437,6 @@ DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_a
 """What draws spectra, by the name of its axes."""
 
 
-def _how(spectrum: Spectrum) -> str:
-    """The method, and what was chosen beside it."""
-    if spectrum.method != "exact":
-        return spectrum.method + f", {spectrum.interpolation} motion" * (spectrum.interpolation != "linear")
-    return ", ".join(["exact solution", *_choices(spectrum)])
-
-
 def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
     """What was chosen of an exact solution that is not usual."""
     maxima = [f"maxima: {spectrum.maxima}"] if spectrum.maxima != "exact" else []
@@ -486,9 +457,21 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         else ("ductility", lambda spectrum: spectrum.ductility),
         (f"largest displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
-    given = [_given(spectrum) for spectrum in spectra]
+    # What was asked for: a ductility, or a strength, which is the same at all periods.
+    given = [
+        f"strength {spectrum.yield_strength_ratio[0]:.4g}"
+        if spectrum.target is None
+        else f"ductility {spectrum.target:g}"
+        for spectrum in spectra
+    ]
     several = len(set(given)) > 1
-    components = _components(spectra)
+    # A few components have a column of panels each; the file stands with them where there are several.
+    files = record_names(spectrum.record.source for spectrum in spectra)
+    names = component_names([spectrum.record for spectrum in spectra])
+    components = [
+        f"{files[spectrum.record.source]} {name}".rstrip() if len(files) > 1 else name
+        for spectrum, name in zip(spectra, names, strict=True)
+    ]
     apart = 1 < len(set(components)) <= _MOST
     ratios = len({spectrum.damping for spectrum in spectra}) > 1
     labels_of_damping = (
@@ -500,39 +483,16 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     ]
     variants = [(spectrum.damping, given_label) for spectrum, given_label in zip(spectra, given, strict=True)]
     figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
-    if spectra[0].target is None:
-        _show_ductility(figure.axes[0], spectra)
+    # Ductilities on a logarithmic axis, with a line at first yielding.
+    if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
+        upper = figure.axes[0]
+        upper.set_yscale("log")
+        upper.autoscale(axis="y")
+        upper.axhline(1.0, color=LIGHT, linewidth=0.8)
+        plain_numbers(upper.yaxis)
     more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
     add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
     return figure
-
-
-def _components(spectra: Sequence[InelasticSpectrum]) -> list[str]:
-    """What each spectrum is of; the file, too, where there are several."""
-    files = record_names(spectrum.record.source for spectrum in spectra)
-    several = len(files) > 1
-    names = component_names([spectrum.record for spectrum in spectra])
-    return [
-        f"{files[spectrum.record.source]} {name}".rstrip() if several else name
-        for spectrum, name in zip(spectra, names, strict=True)
-    ]
-
-
-def _show_ductility(axes: Any, spectra: Sequence[InelasticSpectrum]) -> None:
-    """On a logarithmic axis, with a line at first yielding."""
-    if not any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
-        return
-    axes.set_yscale("log")
-    axes.autoscale(axis="y")
-    axes.axhline(1.0, color=LIGHT, linewidth=0.8)
-    plain_numbers(axes.yaxis)
-
-
-def _given(spectrum: InelasticSpectrum) -> str:
-    """What was asked for: a ductility, or a strength, which is the same at all periods."""
-    if spectrum.target is not None:
-        return f"ductility {spectrum.target:g}"
-    return f"strength {spectrum.yield_strength_ratio[0]:.4g}"
 
 
 @dataclass(frozen=True)
@@ -564,7 +524,14 @@ def rotated_picture(
         Drawn over them.
     """
     units = units.in_pictures
-    lines = [line for spectrum in spectra for line in _lines(spectrum)]
+    lines = []
+    for spectrum in spectra:
+        motion = spectrum.motion
+        files = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
+        record = replace(motion.first, source="+".join(files), component=motion.component)
+        percentiles = [f"RotD{percentile:02d}" for percentile in spectrum.percentiles]
+        for name, psa in (*zip(percentiles, spectrum.psa, strict=True), ("geometric mean", spectrum.geometric_mean)):
+            lines.append(_Line(name, record, spectrum.damping, spectrum.periods, psa))
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
     figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
     if target is not None:
@@ -572,15 +539,6 @@ def rotated_picture(
     more = ", ".join(["exact solution", "180 directions", *_choices(spectra[0])])
     add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, more))
     return figure
-
-
-def _lines(spectrum: RotatedSpectrum) -> Iterator[_Line]:
-    motion = spectrum.motion
-    names = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
-    record = replace(motion.first, source="+".join(names), component=motion.component)
-    for percentile, psa in zip(spectrum.percentiles, spectrum.psa, strict=True):
-        yield _Line(f"RotD{percentile:02d}", record, spectrum.damping, spectrum.periods, psa)
-    yield _Line("geometric mean", record, spectrum.damping, spectrum.periods, spectrum.geometric_mean)
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
@@ -593,24 +551,20 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     """
     beam = spectra[0].stories[0] == 0
     panels: list[Panel[DriftSpectrum]] = [
-        ("drift ratio at the base (%)" if beam else "largest story drift ratio (%)", _peaks),
+        (
+            "drift ratio at the base (%)" if beam else "largest story drift ratio (%)",
+            lambda spectrum: 100.0 * spectrum.peak_drift_ratio,
+        ),
         ("roof displacement over height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
     ]
     figure = draw_over_periods(spectra, panels, line_labels(spectra))
     _add_heights(figure.axes[0], spectra[0], units)
-    add_title(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, _buildings(spectra[0])))
-    return figure
-
-
-def _peaks(spectrum: DriftSpectrum) -> Any:
-    return 100.0 * spectrum.peak_drift_ratio
-
-
-def _buildings(spectrum: DriftSpectrum) -> str:
-    least, most = int(spectrum.stories.min()), int(spectrum.stories.max())
+    least, most = int(spectra[0].stories.min()), int(spectra[0].stories.max())
+    buildings = f"shear buildings of {f'{least} to ' * (least < most)}{how_many(most, 'story')}"
     if most == 0:
-        return "continuous shear beam"
-    return f"shear buildings of {f'{least} to ' * (least < most)}{how_many(most, 'story')}"
+        buildings = "continuous shear beam"
+    add_title(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, buildings))
+    return figure
 
 
 def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:

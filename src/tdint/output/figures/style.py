@@ -16,6 +16,8 @@ from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from tdint.errors import OutputError, UsageError, did_you_mean
 
 try:
@@ -28,6 +30,7 @@ from matplotlib.font_manager import get_font_names
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
 from tdint.units import OutputUnits
@@ -482,20 +485,23 @@ def record_name(source: str) -> str:
 
 def record_names(sources: Iterable[str]) -> dict[str, str]:
     """What a picture calls each of several records: its file, with as many folders as tell it from others."""
-    names = list(dict.fromkeys(sources))
+    names = {source: record_name(source) for source in sources}
     named: dict[str, list[str]] = {}
-    for source in names:
-        named.setdefault(record_name(source), []).append(source)
-    return {source: _told_apart(source, named[record_name(source)]) for source in names}
+    for source, name in names.items():
+        named.setdefault(name, []).append(source)
+    for alike in named.values():
+        for source in alike if len(alike) > 1 else ():
+            parts = Path(source).parts
+            others = [Path(other).parts for other in alike if other != source]
+            folders = range(1, len(parts))
+            count = next((n for n in folders if all(other[-n:] != parts[-n:] for other in others)), len(parts))
+            names[source] = "/".join(parts[-count:]).encode("utf-8", "replace").decode("utf-8")
+    return names
 
 
-def _told_apart(source: str, alike: Sequence[str]) -> str:
-    if len(alike) == 1:
-        return record_name(source)
-    parts = Path(source).parts
-    others = [Path(other).parts for other in alike if other != source]
-    count = next((n for n in range(1, len(parts)) if all(other[-n:] != parts[-n:] for other in others)), len(parts))
-    return "/".join(parts[-count:]).encode("utf-8", "replace").decode("utf-8")
+def over_stories(axes: Any, values: Array, **style: Any) -> None:
+    """Values of the stories over the height, a step for each."""
+    axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
 
 
 def plain_numbers(axis: Any) -> None:
@@ -505,7 +511,12 @@ def plain_numbers(axis: Any) -> None:
 
 def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
     """The same between the powers of ten: at 2 and 5, or at all ticks."""
-    axis.set_minor_formatter(FuncFormatter(lambda value, at: _plain(value, at) if every or _leads(value, "25") else ""))
+
+    def written(value: float, at: Any) -> str:
+        decade = math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0  # 1e-9: the rounding of a logarithm
+        return _plain(value, at) if every or f"{value / 10.0**decade:.0f}" in "25" else ""
+
+    axis.set_minor_formatter(FuncFormatter(written))
 
 
 def plain_logarithmic(axes: Any) -> None:
@@ -524,11 +535,6 @@ def minor_ticks(axis: Any) -> None:
 
 def _plain(value: float, _: Any) -> str:
     return f"{value:g}"
-
-
-def _leads(value: float, digits: str) -> bool:
-    """Whether the first digit of a positive number is one of `digits`."""
-    return value > 0.0 and f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
 
 
 def add_ratio_axis(axes: Any, height: float, label: str) -> None:
@@ -568,7 +574,8 @@ def write_labels(
             low = along + dy * unit - _LABEL_PARTS[vertical] * height
             box = (left, low, left + width, low + height)
             inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
-            if inside and not any(_overlap(box, other) for other in taken):
+            free = all(box[2] <= x0 or x1 <= left or box[3] <= y0 or y1 <= low for x0, y0, x1, y1 in taken)
+            if inside and free:
                 taken.append(box)
                 place = {
                     "gid": _OF_POINT,
@@ -579,7 +586,3 @@ def write_labels(
                 }
                 axes.annotate(text, (x, y), **place, fontsize=_LABEL_SIZE, color="0.25")
                 break
-
-
-def _overlap(a: Box, b: Box) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]

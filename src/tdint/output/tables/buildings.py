@@ -24,6 +24,7 @@ from tdint.output.tables.table import (
     corrected_columns,
     describe,
     error_columns,
+    part,
     rows_of,
 )
 from tdint.units import SI, OutputUnits, quantities
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
-    from tdint.kernels.laws.law import LawParameter
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
@@ -51,10 +51,6 @@ CYCLIC = (
     Column("recoverable_energy_J", "J", "path.recoverable", "energy that the law stores"),
     Column("dissipated_energy_J", "J", "path.dissipated", "energy dissipated so far"),
 )
-
-
-def _of_backbone(name: str, point: int) -> Callable[[Any], Any]:
-    return lambda curve: getattr(curve.building, name)[:, point]
 
 
 _SHEAR_BEAM = Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building")
@@ -88,7 +84,10 @@ OF_CLASSES = (
     *_OF_STORIES,
     *(
         Column(
-            f"{name}_{point + 1}_{unit}", unit, _of_backbone(of, point), f"{name} of point {point + 1} of the backbone"
+            f"{name}_{point + 1}_{unit}",
+            unit,
+            part(f"building.{of}", np.s_[:, point]),
+            f"{name} of point {point + 1} of the backbone",
         )
         for point in range(4)
         for name, unit, of in (("drift", "m", "drifts"), ("force", "N", "forces"))
@@ -99,16 +98,15 @@ OF_CLASSES = (
 
 def pushover(stories: int) -> tuple[Column, ...]:
     """The columns of a pushover of a building with so many stories."""
-
-    def drift(i: int) -> Callable[[Any], Any]:
-        return lambda result: result.drift[:, i]
-
     return (
         Column("step", "1", lambda result: np.arange(result.base_shear.size), "step; 0 is the start at rest"),
         Column("roof_displacement_m", "m", "roof_displacement", "relative to the ground"),
         Column("roof_drift_ratio", "1", "roof_drift_ratio", "roof displacement over the height of the building"),
         Column("base_shear_N", "N", "base_shear", "sum of the forces on the floors"),
-        *(Column(f"story_{i + 1}_drift_m", "m", drift(i), "relative to the floor below") for i in range(stories)),
+        *(
+            Column(f"story_{i + 1}_drift_m", "m", part("drift", np.s_[:, i]), "relative to the floor below")
+            for i in range(stories)
+        ),
     )
 
 
@@ -132,8 +130,8 @@ TARGET_DISPLACEMENT = (
     Column("yield_force_N", "N", "yield_force", "base shear at which the idealized curve yields"),
     Column("yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"),
     Column("strength_ratio", "1", "strength_ratio", "elastic force over yield force"),
-    Column("c1", "1", lambda made: made.factors[0], "C1; with n2 the displacement over the elastic one"),
-    Column("c2", "1", lambda made: made.factors[1], "C2; 1 with n2"),
+    Column("c1", "1", part("factors", 0), "C1; with n2 the displacement over the elastic one"),
+    Column("c2", "1", part("factors", 1), "C2; 1 with n2"),
 )
 
 
@@ -251,26 +249,27 @@ def _of_stories(model: Model, name: str) -> Array:
 def law_words(story: Story, units: OutputUnits = SI) -> str:
     """The law of a story with its parameters, named as in a model file; those are left out that say nothing by
     themselves: what they are where a file has none of them, or a negative side like the positive one."""
-    numbers, told = iter(story.law.parameters), []
+    numbers = iter(story.law.parameters)
+    described: list[str] = []
     words: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[story.law.name].parameters:
         values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
+        # A default may be another parameter's value, which stands before it.
         usual = words[parameter.default] if isinstance(parameter.default, str) else (parameter.default,)
         words.setdefault(parameter.name, values)
-        if values not in (usual, (parameter.without,)):
-            told.append(f"{parameter.path} {_parameter_words(parameter, values, units)}")
+        if values in (usual, (parameter.without,)):
+            continue
+        # The points of a backbone, force at drift; the numbers of a list; or a single one.
+        if parameter.points:
+            points = zip(values[::2], values[1::2], strict=True)
+            text = ", ".join(f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points)
+        elif parameter.many:
+            text = ", ".join(_in_units(value, 1, -j, units) for j, value in enumerate(values, start=1))
+        else:
+            text = _in_units(values[0], parameter.force, parameter.length, units)
+        described.append(f"{parameter.path} {text}")
     isolator = "; isolator" if story.isolator else ""
-    return story.law.name + (f": {', '.join(told)}" if told else "") + isolator
-
-
-def _parameter_words(parameter: LawParameter, values: Sequence[float], units: OutputUnits) -> str:
-    """A number with its unit, the numbers of a list, or the points of a backbone, force at drift."""
-    if parameter.points:
-        points = zip(values[::2], values[1::2], strict=True)
-        return ", ".join(f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points)
-    if parameter.many:
-        return ", ".join(_in_units(value, 1, -j, units) for j, value in enumerate(values, start=1))
-    return _in_units(values[0], parameter.force, parameter.length, units)
+    return story.law.name + (f": {', '.join(described)}" if described else "") + isolator
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
@@ -281,26 +280,25 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
         name, factor = units.unit(si)
         value /= factor**power
         (above if power > 0 else below).extend([name if abs(power) == 1 else f"{name}^{abs(power)}"] * bool(power))
+    # Powers above and below the stroke, so that a stiffness is in kN/m.
     unit = "/".join(["*".join(above) or "1", *below])
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
-
-
-def _dashpot_words(story: Story, units: OutputUnits) -> str:
-    """Force over the rate of drift v: of a dashpot, or of one that follows a power law."""
-    power = story.power_dashpot
-    coefficient, exponent = (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
-    if not coefficient:
-        return ""
-    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
-    law = "v" if exponent == 1.0 else f"v^{exponent:g}"
-    return f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
     """One row per story, from the ground up."""
     numbers = Table.of_results(MODEL, [model]).in_units(units)
-    words = [(law_words(story, units), _dashpot_words(story, units)) for story in model.stories]
-    rows = [(*row, *said) for row, said in zip(numbers.rows, words, strict=True)]
+    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
+    rows = []
+    for row, story in zip(numbers.rows, model.stories, strict=True):
+        # Force over the rate of drift v: of a dashpot, or of one that follows a power law.
+        power = story.power_dashpot
+        coefficient, exponent = (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
+        dashpot = ""
+        if coefficient:
+            law = "v" if exponent == 1.0 else f"v^{exponent:g}"
+            dashpot = f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
+        rows.append((*row, law_words(story, units), dashpot))
     return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
 
 
@@ -351,6 +349,7 @@ def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
 def _by_event(columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for comparison, results in events:
+        # Of a single event the caller knows which one it is.
         every = (*columns, of_event(comparison.event.recording.source)) if len(events) > 1 else columns
         rows += [row for result in results for row in rows_of(every, result)]
     return Table.of((*columns, of_event("")) if len(events) > 1 else columns, rows)
@@ -359,12 +358,13 @@ def _by_event(columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequ
 # ---- Tables of runs: stories, shocks, histories
 
 
-def _counted(result: Any) -> Any:
-    return np.arange(1, result.peak_drift.size + 1)
-
-
 STORY = (
-    Column("story", "1", _counted, "story, or the floor above it, from 1 at the ground"),
+    Column(
+        "story",
+        "1",
+        lambda stories: np.arange(1, stories.peak_drift.size + 1),
+        "story, or the floor above it, from 1 at the ground",
+    ),
     Column("height_m", "m", "height", "story height"),
     *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
 )
@@ -421,9 +421,10 @@ def response_table(response: Response) -> Table:
         return whole
     rows: list[tuple[Cell, ...]] = []
     for number, shock in enumerate(response.shocks, start=1):
-        part = story_table(shock.stories, shock.errors)
-        empty = (None,) * (len(whole.columns) - len(part.columns))
-        rows += [(str(number), *row, *empty) for row in part.rows]
+        of_shock = story_table(shock.stories, shock.errors)
+        # What is corrected is so over the whole sequence alone.
+        empty = (None,) * (len(whole.columns) - len(of_shock.columns))
+        rows += [(str(number), *row, *empty) for row in of_shock.rows]
     rows += [(_ALL, *row) for row in whole.rows]
     return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
 
@@ -461,8 +462,8 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *
     line = ",".join(["%.12g"] * len(columns)) + "\n"
     groups = [[column.of(history) for column in group] for _, group in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
-        part = slice(first, first + _ROWS_AT_ONCE)
-        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
+        chunk = slice(first, first + _ROWS_AT_ONCE)
+        blocks = (np.stack([values[chunk] for values in group], axis=-1) for group in groups)
         table = np.hstack([block.reshape(len(block), -1) for block in blocks])
         if factors is not None:
             table /= factors

@@ -189,31 +189,39 @@ def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
     return list(dict.fromkeys(name for values in varied for name in values))
 
 
-def _word(name: str) -> str:
-    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself."""
-    return name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_")
-
-
 def varied_columns(names: Iterable[str]) -> list[Column]:
     """Of what was varied from building to building, by name."""
-    return [Column(_word(name), "1", name, parameter_meaning(name)) for name in names]
+    # `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself.
+    return [
+        Column(
+            name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_"),
+            "1",
+            name,
+            parameter_meaning(name),
+        )
+        for name in names
+    ]
+
+
+def run_heads(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
+    """What names a run, by the numbers of its building and record: building, record and component."""
+    # Once for each of them and not for each run, of which there may be millions.
+    buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
+    records = {number: [*map(cell_text, named[:2])] for number, named in store.records().items()}
+    return lambda building, record: [buildings[building], *records[record]]
 
 
 def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
-    buildings, records = store.buildings(), store.records()
-    building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
-    told, carried = len(_estimated(store)), carried_cells(store)
-    method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
+    methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
+    # A row of the store has room for all errors, also where none were estimated.
+    estimated, named, carried = len(_estimated(store)), run_heads(store), carried_cells(store)
     for building, record, scale, sample, dt, status, *rest in store.runs():
-        name, component, _ = records[record]
-        head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
-        head += [dt, cell_text(status)]
-        behind = (swept[building] if swept else []) + carried(building, sample)
-        results, errors = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :][:told]
-        yield head + results + errors + behind
+        head = [*named(building, record), scale, sample, methods[building], dt, cell_text(status)]
+        results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :]
+        yield head + results + behind[:estimated] + (swept[building] if swept else []) + carried(building, sample)
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -228,12 +236,9 @@ def _of_stories(store: Store) -> tuple[Column, ...]:
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
-    buildings, records = store.buildings(), store.records()
-    drawn, told = store.count("sample > 0") > 0, len(_of_stories(store))
+    drawn, count, named = store.count("sample > 0") > 0, len(_of_stories(store)), run_heads(store)
     for building, record, scale, sample, *rest in store.stories():
-        name, component, _ = records[record]
-        head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest[:told]]
+        yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -255,6 +260,7 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
             unit, factor = units.unit(quantity.unit)
             statistics = profile.statistics(quantity)
             errors = profile.errors(quantity)
+            # Statistics of their stories; a campaign without errors has nothing behind them.
             columns, behind = (
                 (np.array(list(vars(of).values())).T / factor).tolist() if of else [()] * profile.height.size
                 for of in (statistics, errors)
@@ -274,11 +280,8 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write shocks.csv."""
-    buildings, records = store.buildings(), store.records()
-    rows = (
-        [cell_text(buildings[building][0]), *map(cell_text, records[record][:2]), scale, *rest]
-        for building, record, scale, _, *rest in store.shocks()
-    )
+    named = run_heads(store)
+    rows = ([*named(building, record), scale, *rest] for building, record, scale, _, *rest in store.shocks())
     write_rows(SHOCKS, rows, stream, units)
 
 
@@ -315,6 +318,7 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
         statistics, errors = profile.statistics(quantity), profile.errors(quantity)
         if errors is None or not np.any(np.nan_to_num(statistics.max)):
             continue
+        # A residual drift may be next to nothing, and its error a large part of that.
         over = drift if quantity.name.startswith("residual") else statistics
         for name in ("mean", "max"):
             size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
@@ -335,12 +339,14 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 
     level = (LEVEL,) if has_levels(store) else ()
     table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), ratios)
+    # The largest of all stories stands in the row without a story.
     place = table.columns.index("story")
     return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
+    # Two draws may be the same motion, so that their number tells rows apart.
     drawn = store.count("sample > 0") > 0
     split = len(OF_BUILDING)
     columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
@@ -365,7 +371,16 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
     headed = [units.column(column.name, column.unit) for column in columns]
     waiting = iter([[harmless(name) for name, _ in headed]])
-    source = iter(rows if units == SI else _converted(rows, [factor for _, factor in headed]))
+    if units != SI:
+        rows = (
+            [
+                cell / factor if factor != 1.0 and isinstance(cell, float) else cell
+                for cell, (_, factor) in zip(row, headed, strict=True)
+            ]
+            for row in rows
+        )
+    # Formatted a batch at a time: a campaign may have more rows than memory holds.
+    source = iter(rows)
     while True:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -375,15 +390,6 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
         if not batch:
             return
         waiting = iter([[number_text(cell) for cell in row] for row in batch])
-
-
-def _converted(rows: Iterable[list[Any]], factors: list[float]) -> Iterator[list[Any]]:
-    """The rows with their numbers over the units' values in SI."""
-    for row in rows:
-        yield [
-            cell / factor if factor != 1.0 and isinstance(cell, float) else cell
-            for cell, factor in zip(row, factors, strict=True)
-        ]
 
 
 def number_text(cell: Any) -> str:
@@ -409,6 +415,7 @@ def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple
     that is among them gets `inventory_` before its own."""
     columns = [EVENT] if store.events() else []
     taken, titles = {*others, *names(columns)}, store.inventory_columns()
+    # Of fields with places the first columns are ours, and say what they mean.
     placed = _PLACED if columns and titles[: len(_PLACED)] == tuple(_PLACED) else {}
     for place, title in enumerate(titles):
         name = title
@@ -427,6 +434,7 @@ def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]
 
     def cells(building: int, sample: int) -> list[str]:
         nonlocal last
+        # One building's cells serve all of its runs, which come one after the other.
         if last[0] != building:
             last = (building, [cell_text(cell) for cell in store.carried(building)])
         return [events[sample - 1], *last[1]] if events else last[1]

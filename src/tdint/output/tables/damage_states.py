@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.campaign.fragility.runs import BuildingDamage, TypeDamage, building_damages, group_damages, stored_states
+from tdint.campaign.fragility.runs import TypeDamage, building_damages, group_damages, stored_states
 from tdint.campaign.store import Store
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
@@ -106,7 +106,9 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
     carried = carried_cells(store)
     for of in building_damages(store):
         head, kind = cell_text(of.building), cell_text(of.type)
-        cells = zip(of.keys, of.status, of.demand.tolist(), of.state, _numbers(of).tolist(), strict=True)
+        # Probabilities and losses of the runs, a row of each.
+        damage = np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())]).tolist()
+        cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
             yield [
                 head,
@@ -120,11 +122,6 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
                 *numbers,
                 *carried(of.number, sample),
             ]
-
-
-def _numbers(of: BuildingDamage) -> Any:
-    """Probabilities and losses of the runs, a row of each."""
-    return np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())])
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
@@ -203,6 +200,7 @@ def loss_table(store: Store) -> Table:
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
     costs = has_costs(store)
+    # The sum over all types has a meaning where there are costs, or parts to hold beside it.
     groups = chain(
         group_damages(store, by="") if costs or by else (),
         group_damages(store),
@@ -246,6 +244,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
+        # A curve for each part and level; events without a result are on none.
         curves: dict[tuple[str, float], list[tuple[float, str]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
@@ -253,6 +252,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                 curves.setdefault((of.part, of.level), []).append((lost, of.event))
         for (part, level), losses in curves.items():
             often = annual = 0.0
+            # From the largest loss down: the rates so far add up to how often it is reached.
             for lost, event in sorted(losses, key=lambda loss: -loss[0]):
                 often, annual = often + rates[event], annual + rates[event] * lost
                 head = [cell_text(part)] * bool(by)

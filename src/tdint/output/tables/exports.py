@@ -24,13 +24,14 @@ from tdint.output.tables.campaign import (
     carried_columns,
     numeric,
     run_columns,
+    run_heads,
     run_rows,
     story_columns,
     story_rows,
     write_rows,
 )
 from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
-from tdint.output.tables.table import TEXT, Column, cell_text, describe, names
+from tdint.output.tables.table import TEXT, Column, describe, names
 from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
 from tdint.written_numbers import how_many
 
@@ -74,6 +75,7 @@ def parquet_writer(
         return None
 
     def write(stream: BinaryIO) -> None:
+        # Of an inventory's columns those are numbers that have nothing else in them.
         first = len(columns) - carried
         places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
         words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
@@ -88,28 +90,16 @@ def parquet_writer(
             {"tdint": json.dumps({"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")})},
         )
         with parquet.ParquetWriter(stream, schema) as writer:
-            for batch in _batches(rows()):
-                numbers = [_as_numbers(row, places) for row in batch]
-                cells = zip(*numbers, strict=True)
+            source = iter(rows())
+            while batch := list(islice(source, _ROWS_AT_ONCE)):
+                cells = list(zip(*batch, strict=True))
+                # The inventory's cells are text, also where a column has numbers alone.
+                for place in places:
+                    cells[place] = tuple(float(text) if text else None for text in cells[place])
                 arrays = [pyarrow.array(column, field.type) for column, field in zip(cells, schema, strict=True)]
                 writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
     return write
-
-
-def _batches(rows: Iterable[Sequence[Any]]) -> Iterator[list[Sequence[Any]]]:
-    source = iter(rows)
-    while batch := list(islice(source, _ROWS_AT_ONCE)):
-        yield batch
-
-
-def _as_numbers(row: Sequence[Any], places: Sequence[int]) -> Sequence[Any]:
-    if not places:
-        return row
-    cells = list(row)
-    for place in places:
-        cells[place] = float(cells[place]) if cells[place] else None
-    return cells
 
 
 _AT = {name: place for place, name in enumerate(STORIES.columns)}
@@ -126,9 +116,16 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     UsageError
         The store has no stories.
     """
-    stories, directions = _sizes(store)
+    (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
+    if stories is None:
+        raise UsageError(
+            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
+        )
+    (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
     names = [name for direction in range(1, directions + 1) for name in demand_names(stories, direction)]
-    apart = _share_a_name(store)
+    # Motions that have rows of their own may bear one name.
+    sources = [source for source, _, direction in store.records().values() if direction == 1]
+    apart = len(set(sources)) < len(sources)
     rows = ([*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions))
     header = ("building", "record", *("component",) * apart, "scale", "sample", *names)
     write_rows([Column(name, "1", name, name) for name in header], rows, stream)
@@ -145,44 +142,23 @@ def demand_names(stories: int, direction: int) -> list[str]:
     ]
 
 
-def _sizes(store: Store) -> tuple[int, int]:
-    """The most stories of a building, and the most directions."""
-    (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
-    if stories is None:
-        raise UsageError(
-            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
-        )
-    (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
-    return int(stories), int(directions)
-
-
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
     """Of each building, motion, scale and draw what tells it from others, and its demands."""
-    buildings, records = store.buildings(), store.records()
+    named, records = run_heads(store), store.records()
     peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     size = len(demand_names(stories, 1))
-    firsts = _firsts(records)
+    # The first component of a pair, whose row it is: the motion itself, or the one before it.
+    firsts = {number: number - (direction - 1) for number, (_, _, direction) in records.items()}
     for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
         rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
             direction = records[record][2]
+            # Both components of a pair stand in one row, side by side.
             cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
             start = size * (direction - 1)
             cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
         for (record, scale, sample), cells in rows.items():
-            name, component, _ = records[record]
-            yield [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale, sample], cells
-
-
-def _share_a_name(store: Store) -> bool:
-    """Whether motions that have rows of their own bear one name."""
-    names = [name for name, _, direction in store.records().values() if direction == 1]
-    return len(set(names)) < len(names)
-
-
-def _firsts(records: Any) -> dict[int, int]:
-    """The number of the first component of each motion's pair: itself, or the one before it."""
-    return {number: number - (direction - 1) for number, (_, _, direction) in records.items()}
+            yield [*named(building, record), scale, sample], cells
 
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
@@ -194,6 +170,7 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
 
     heights = column("height_m")
     roof = rows[-1][_AT["peak_displacement_m"]]
+    # A story without a height leaves the building without one.
     roof_ratio = roof / sum(heights) if all(heights) else None
     return [
         *(pga, *column("peak_absolute_acceleration_m_s2"), *rest),
@@ -240,48 +217,50 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
 
     titles = [title.lower() for title in store.inventory_columns()]
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
-    rules, properties, events = SuiteRules.of(store), _properties(store), store.events()
-    buildings, damages = store.buildings(), building_damages(store)
+    rules, events, buildings, damages = SuiteRules.of(store), store.events(), store.buildings(), building_damages(store)
+    # The inventory's columns are carried along under names that no other property has.
+    demands = [f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")]
+    outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if events else 0 :]
+    kinds = numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         damage = next(damages, None)
         runs = {Run(*row[1:4]): row for row in rows}
         cells = store.carried(number)
-        geometry = _point(cells[longitude], cells[latitude])
+        carried = {
+            name: (json.loads(text) if text else None) if is_number else text
+            for name, text, is_number in zip(columns, cells, kinds, strict=True)
+        }
+        # A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the equator.
+        geometry: Feature | None = None
+        if cells[longitude] and cells[latitude]:
+            east = float(cells[longitude])
+            east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
+            geometry = {"type": "Point", "coordinates": [_digits(east), _digits(float(cells[latitude]))]}
         for event in sorted({key.sample for key in runs}) if events else (0,):
             head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
+            # Without events all runs are those of event 0.
             mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
             for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
                 told = _damage(damage, rank, event) if damage else {}
-                feature = head | _of_level(level) | _demands(level, mine, units) | told | properties(cells)
+                feature = head | _of_level(level, mine, units) | told | carried
                 yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 
-def _point(longitude: str, latitude: str) -> Feature | None:
-    """A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the equator."""
-    if not longitude or not latitude:
-        return None
-    east = float(longitude)
-    return {"type": "Point", "coordinates": [_digits((east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east),
-                                             _digits(float(latitude))]}  # fmt: skip
-
-
-def _of_level(level: SuiteLevel) -> Feature:
-    values = {"scale": level.scale, "level": level.value}
-    runs = len(level.stood) + level.collapsed + level.failed
-    digits = {name: _digits(value) for name, value in values.items() if not math.isnan(value)}
-    return {**digits, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
-
-
-def _demands(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """Mean and largest of each demand; None without a motion, or without the demand (no heights, no ratio)."""
-    demands: Feature = {}
+def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
+    """The level, what became of its motions, and mean and largest of each demand: None without a motion, or without the
+    demand (no heights, no ratio)."""
+    feature: Feature = {"scale": level.scale, "level": level.value}
+    feature = {name: _digits(value) for name, value in feature.items() if not math.isnan(value)}
+    feature["runs"] = len(level.stood) + level.collapsed + level.failed
+    feature |= {"collapsed": level.collapsed, "failed": level.failed}
     for demand, place in zip(_DEMANDS, _PLACES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
         values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
-        demands[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
-        demands[f"max_{column}"] = _digits(max(values)) if values else None
-    return demands
+        feature[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
+        feature[f"max_{column}"] = _digits(max(values)) if values else None
+    return feature
 
 
 def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
@@ -293,22 +272,6 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
         means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
     names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
     return {name: None if mean is None else _digits(mean) for name, mean in zip(names, means, strict=True)}
-
-
-def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
-    """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
-    demands = [f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")]
-    outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
-    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if store.events() else 0 :]
-    kinds = numeric(store)
-
-    def properties(cells: Sequence[str]) -> Feature:
-        return {
-            name: (json.loads(text) if text else None) if is_number else text
-            for name, text, is_number in zip(columns, cells, kinds, strict=True)
-        }
-
-    return properties
 
 
 def _digits(value: float) -> float:
@@ -371,6 +334,7 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
     for of_one in _grouped(functions):
         told = [state.state or named[state.threshold] for state in of_one]
         first = of_one[0]
+        # OpenQuake wants a function of each state for every building or type.
         if told != every:
             missing = ", ".join(state for state in every if state not in told)
             subject = first.type or f"damage {first.damage:g}"
@@ -417,32 +381,32 @@ def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
 
 
 def _function(functions: Sequence[Fragility], name: str, states: Sequence[str]) -> list[str]:
-    imt, factor = _measure(functions[0])
-    far = [
-        function_of_state.theta * factor * math.exp(sign * _FAR * function_of_state.beta_total)
-        for function_of_state in functions
-        for sign in (-1.0, 1.0)
-    ]
-    lines = [
+    # What OpenQuake calls the intensity measure, and the factor to its unit.
+    first = functions[0]
+    for pattern, called, units, unit in _IMTS:
+        match = re.fullmatch(pattern, first.im.lower())
+        if match and first.unit in units:
+            imt = called.format(**{part: f"{float(text):.6g}" for part, text in match.groupdict().items()})
+            factor = units[first.unit] / unit
+            break
+    else:
+        measure = f"{first.im or 'untold'} {first.unit}".rstrip()
+        raise UsageError(
+            "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; "
+            f"the measure of these functions is {measure}"
+        )
+    lines = []
+    far: list[float] = []
+    # Mean and standard deviation of the intensity itself, not of its logarithm.
+    for function, state in zip(functions, states, strict=True):
+        median, beta = function.theta * factor, function.beta_total
+        far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
+        mean = median * math.exp(0.5 * beta**2)
+        deviation = mean * math.sqrt(math.expm1(beta**2))
+        lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
+    return [
         f'    <fragilityFunction id={quoteattr(name)} format="continuous" shape="logncdf">',
         f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
+        *lines,
+        "    </fragilityFunction>",
     ]
-    for function_of_state, state in zip(functions, states, strict=True):
-        mean = function_of_state.theta * factor * math.exp(0.5 * function_of_state.beta_total**2)
-        deviation = mean * math.sqrt(math.expm1(function_of_state.beta_total**2))
-        lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
-    return [*lines, "    </fragilityFunction>"]
-
-
-def _measure(function: Fragility) -> tuple[str, float]:
-    """What OpenQuake calls the intensity measure, and the factor to its unit."""
-    for name, imt, units, unit in _IMTS:
-        match = re.fullmatch(name, function.im.lower())
-        if match and function.unit in units:
-            numbers = {part: f"{float(text):.6g}" for part, text in match.groupdict().items()}
-            return imt.format(**numbers), units[function.unit] / unit
-    measure = f"{function.im or 'untold'} {function.unit}".rstrip()
-    raise UsageError(
-        "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; the "
-        f"measure of these functions is {measure}"
-    )

@@ -30,7 +30,16 @@ def _power(value: float) -> float:
 METHOD = (
     Column("name", "text", "method.name", "name"),
     Column("family", "text", "family.name", "methods that share one compiled step"),
-    Column("parameters", "text", lambda one: _parameters(one), "defaults and ranges"),
+    Column(
+        "parameters",
+        "text",
+        # beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed: a computed default follows from the ones before it.
+        lambda integrator: "; ".join(
+            f"{parameter.name}={cell_text(value)} in {parameter.range}" + ", computed" * callable(parameter.default)
+            for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True)
+        ),
+        "defaults and ranges",
+    ),
     Column("order", "1", "order", "order of displacement and velocity for a smooth load"),
     Column("implicit", "text", "implicit", "whether a step solves for the restoring force at its end"),
     Column(
@@ -42,14 +51,6 @@ METHOD = (
     Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
     Column("source", "text", "method.source", "who published it"),
 )
-
-
-def _parameters(integrator: Integrator) -> str:
-    """`beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed`: a computed default follows from the ones before it."""
-    return "; ".join(
-        f"{parameter.name}={cell_text(value)} in {parameter.range}" + (", computed" * callable(parameter.default))
-        for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True)
-    )
 
 
 DECLARATION = (
@@ -204,6 +205,7 @@ def reference_table(methods: Iterable[Method]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
         references = references_of(method)
+        # The DOI has a column of its own; a plug-in's method has its source alone.
         rows += [(method.name, reference.text.partition(" doi:")[0], reference.doi) for reference in references]
         rows += [] if references else [(method.name, method.source, "")]
     return Table.of(REFERENCE, rows)
@@ -239,17 +241,16 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
 
     The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
-    place = rank(lambda run: _rank(run, runs, reference))
-    return Table.of_results((*EXAMPLE, place, OUTCOME), runs)
 
+    def place(ranked: ExampleRun) -> int | None:
+        """Among the methods as they are; none for a variant and for a run without an end."""
+        error = ranked.error("displacement", reference)
+        if ranked.variant or math.isnan(error):
+            return None
+        rivals = [run for run in runs if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")]
+        return 1 + sum(run.error("displacement", reference) < error for run in rivals)
 
-def _rank(ranked: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
-    """Place among the methods as they are; none for a variant and for a run without an end."""
-    error = ranked.error("displacement", reference)
-    if ranked.variant or math.isnan(error):
-        return None
-    rivals = [run for run in runs if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")]
-    return 1 + sum(run.error("displacement", reference) < error for run in rivals)
+    return Table.of_results((*EXAMPLE, rank(place), OUTCOME), runs)
 
 
 PEER = "/"

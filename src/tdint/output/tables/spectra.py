@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, integrate, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, rows_of
+from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, part, rows_of
 from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -23,14 +23,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import SpectrumDifference
 
 
-def _units(info: Any) -> str:
-    return f"{info.record.units} ({info.record.units_from})"
-
-
-def _remarks(info: Any) -> str:
-    return "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes))
-
-
 INFO = (
     *OF_RECORD,
     Column("id", "text", lambda info: info.record.id if info.record.id.strip(".") else "", "full id of the channel"),
@@ -38,7 +30,12 @@ INFO = (
     Column("samples", "1", "record.acceleration.size", "samples"),
     Column("dt_s", "s", "record.dt", "sampling interval"),
     Column("duration_s", "s", "record.duration", "time from the first to the last sample"),
-    Column("units", "text", _units, "units of the file's samples and how they are known"),
+    Column(
+        "units",
+        "text",
+        lambda info: f"{info.record.units} ({info.record.units_from})",
+        "units of the file's samples and how they are known",
+    ),
     Column("pga_m_s2", "m/s^2", "measures.pga", "peak ground acceleration"),
     Column("pgv_m_s", "m/s", "measures.pgv", "peak ground velocity"),
     Column("pgd_m", "m", "measures.pgd", "peak ground displacement"),
@@ -51,7 +48,12 @@ INFO = (
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
     Column("leading_zeros", "1", "measures.leading_zeros", "samples at the start that are zero"),
     Column("trailing_zeros", "1", "measures.trailing_zeros", "samples at the end that are zero"),
-    Column("notes", "text", _remarks, "remarks"),
+    Column(
+        "notes",
+        "text",
+        lambda info: "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes)),
+        "remarks",
+    ),
 )
 
 MOTION = (
@@ -105,13 +107,11 @@ TARGET = (
 
 def difference(published: str) -> tuple[Column, ...]:
     """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
-    column_of_ours = next(column for column in SPECTRUM if column.name == published)
+    ours = next(column for column in SPECTRUM if column.name == published)
     return (
         *SPECTRUM[:2],
-        Column(column_of_ours.name, column_of_ours.unit, "computed", column_of_ours.meaning),
-        Column(
-            f"published_{column_of_ours.name}", column_of_ours.unit, "expected", f"published: {column_of_ours.meaning}"
-        ),
+        Column(ours.name, ours.unit, "computed", ours.meaning),
+        Column(f"published_{ours.name}", ours.unit, "expected", f"published: {ours.meaning}"),
         Column("relative_difference", "1", "relative_difference", "computed over published value, less 1"),
     )
 
@@ -131,13 +131,12 @@ ROTATED_END = (
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
     """The columns of a spectrum over all directions with these percentiles."""
-
-    def percentile(place: int) -> Callable[[Any], Any]:
-        return lambda spectrum: spectrum.psa[place]
-
     middle = (
         Column(
-            f"rotd{p:02d}_psa_m_s2", "m/s^2", percentile(i), f"pseudo-acceleration, percentile {p} over all directions"
+            f"rotd{p:02d}_psa_m_s2",
+            "m/s^2",
+            part("psa", i),
+            f"pseudo-acceleration, percentile {p} over all directions",
         )
         for i, p in enumerate(percentiles)
     )
@@ -195,6 +194,7 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     """The rows of results that are each of one record, after the record's name and component."""
+    # Components are named together: one that a file has twice gets its full id.
     names = component_names([result.record for result in results])
     rows: list[tuple[Cell, ...]] = []
     for result, name in zip(results, names, strict=True):

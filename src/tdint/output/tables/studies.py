@@ -246,6 +246,7 @@ def scaled_table(scaling: Scaling) -> Table:
     curves = [
         ("scaled", motion.source, motion.component, psa) for motion, psa in zip(scaling.motions, spectra, strict=True)
     ]
+    # Below the motions their mean and the target, which are of no record.
     curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
     rows: list[tuple[Cell, ...]] = [
         (curve, source, component, period, value)
@@ -272,6 +273,7 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
+    # nan is not equal to itself: a run that has not carried its error along.
     corrected = any(
         run.corrected_drift_ratio == run.corrected_drift_ratio for curve in study.curves for run in curve.runs
     )
@@ -334,6 +336,7 @@ def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
         columns = tuple(column.of(fit) for column in COMPARED)
+        # A measure whose residuals were held beside nothing still has its row.
         ends = [tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences]
         rows += [(*columns, *end) for end in ends or [(None, None, None)]]
     return Table.of((*COMPARED, *DEPENDENCE), rows)

@@ -84,6 +84,11 @@ def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
     )
 
 
+def part(name: str, place: Any) -> Callable[[Any], Any]:
+    """The value of a column that is a part of an array: the attribute of a result, and the place in it."""
+    return lambda result: attrgetter(name)(result)[place]
+
+
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
     """The names of some columns."""
     return tuple(column.name for column in columns)
@@ -99,6 +104,7 @@ def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
 
 def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) -> dict[str, dict[str, str]]:
     """What columns or keys mean (`describe`), under the names that they have in these units."""
+    # Meanings name other columns: these words change with them.
     shown = {name: units.column(name, said.get("unit", TEXT))[0] for name, said in meanings.items()}
     result = {}
     for name, said in meanings.items():
@@ -110,6 +116,7 @@ def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) 
 
 def converted(value: Cell, factor: float) -> Cell:
     """A cell over a unit's value in SI; what is no number stays."""
+    # To Python true is a number.
     if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return value
     return float(value) / factor
@@ -118,6 +125,7 @@ def converted(value: Cell, factor: float) -> Cell:
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
     """The rows that a result has: as many as its arrays are long."""
     values = [column.of(result) for column in columns]
+    # What is no array holds for every row.
     sizes = {value.size for value in values if isinstance(value, np.ndarray)}
     if not sizes:
         return [tuple(values)]
@@ -187,6 +195,7 @@ class Table:
             about = self.meanings[name]
             unit = about.get("unit", TEXT)
             cells = [row[place] for row in self.rows]
+            # Columns of numbers may have a word among them: a limit that is none.
             words = unit == TEXT or any(isinstance(cell, str) for cell in cells)
             values = cells if words else np.array([np.nan if cell is None else cell for cell in cells])
             columns.append((Column(name, unit, name, about["meaning"]), values))
@@ -212,6 +221,7 @@ class Table:
         pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
         fields, arrays = [], []
         for column, cells in self.by_column():
+            # Numbers among words are words as well: a column of Parquet has one kind.
             if isinstance(cells, list):
                 cells = pyarrow.array((None if cell is None else cell_text(cell) for cell in cells), pyarrow.string())
             arrays.append(pyarrow.array(cells))
@@ -324,8 +334,9 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     # Columns that one of them alone has, then the cells of the others.
     for column in dict.fromkeys((*old, *new)):
         if (column in old) != (column in new):
-            yield Difference(name, None, column, *("a column" if column in one else None for one in (old, new)))
+            yield Difference(name, None, column, *("a column" if column in header else None for header in (old, new)))
     shared = [(column, old.index(column), new.index(column)) for column in old if column in new and column not in but]
+    # Row beside row, as far as both go: files may be longer than memory.
     counts = [0, 0]
     for number, (row, other) in enumerate(zip_longest(first, second), start=1):
         counts = [counts[0] + (row is not None), counts[1] + (other is not None)]
@@ -335,6 +346,7 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
             cells = row[i] if i < len(row) else None, other[j] if j < len(other) else None
             if cells[0] != cells[1]:
                 yield Difference(name, number, column, *cells)
+    # Rows that one of them alone has are counted, not listed.
     if counts[0] != counts[1]:
         yield Difference(name, None, "", *(how_many(count, "row") for count in counts))
 

@@ -80,6 +80,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     values = _values(result)
+    # What is no array holds for all rows.
     size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     tables: dict[str, Any] = {}
     for column, value in values:
@@ -148,6 +149,7 @@ def to_xarray(runs: Runs) -> Any:
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
+        # Times that differ from run to run are no axis.
         alike = len(runs.time) == 1
         coordinates["time" if alike else "times"] = ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
     return xarray.Dataset(told, coordinates)
@@ -166,6 +168,7 @@ def to_html(result: Any, caption: str) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in tables)
     rows = ([escape(_cell(values[row])) for values in tables.values()] for row in range(min(size, _ROWS)))
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    # A table of thousands of rows would fill the notebook.
     more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
     return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more}"
 
@@ -192,10 +195,6 @@ def _of(columns: Sequence[Column], result: Any) -> _Values:
     return [(column, column.of(result)) for column in columns]
 
 
-def _of_record(columns: Sequence[Column], result: Any) -> _Values:
-    return _of((*OF_RECORD, *columns), result)
-
-
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
     return partial(Table.of_results, columns)
 
@@ -220,6 +219,7 @@ def _in_rows(results: Sequence[Any]) -> _Values:
 
 for _kind in (Fragility, Overview, RecordInfo):
     _values.register(_kind, lambda result: _in_rows([result]))
+# Several results of a kind without a table for rows are joined before they come here.
 for _several in (Several, list, tuple):
     _values.register(_several, lambda result: _in_rows(list(result)))
 _values.register(CampaignRuns, lambda result: campaign.runs_table(result).by_column())
@@ -234,7 +234,7 @@ _values.register(Response, lambda result: buildings.response_table(result).by_co
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
 for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):
-    _values.register(_spectrum, partial(_of_record, columns_of(_spectrum)))
+    _values.register(_spectrum, partial(_of, (*OF_RECORD, *columns_of(_spectrum))))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(ModalResponse, lambda result: _of(buildings.MODAL_RESPONSE, result))
 _values.register(TargetDisplacement, lambda result: _of(buildings.TARGET_DISPLACEMENT, result))
@@ -246,17 +246,18 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 @_values.register
 def _(result: Runs) -> _Values:
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
+    # Building by building: arrays have room for the tallest, and nan above the others.
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
         for name, column in demand_columns(stories).items():
             demands[name][runs] = column
     return [
-        (OF_RUNS["building"], np.array([one.name for one in result.models])[result.model]),
-        (OF_RUNS["record"], np.array([one.source for one in result.records])[result.record]),
-        (OF_RUNS["component"], np.array([one.component for one in result.records])[result.record]),
+        (OF_RUNS["building"], np.array([model.name for model in result.models])[result.model]),
+        (OF_RUNS["record"], np.array([record.source for record in result.records])[result.record]),
+        (OF_RUNS["component"], np.array([record.component for record in result.records])[result.record]),
         (OF_RUNS["method"], np.array(result.methods)[result.model]),
         *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
-        *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
+        *((OF_RUNS[name], getattr(result, name)) for name in ("scale", "dt", "status", "energy_error", "steps")),
         *((OF_RUNS[name], values) for name, values in demands.items()),
         *_estimated(result),
     ]
@@ -273,13 +274,14 @@ def _estimated(result: Runs) -> _Values:
             demand_errors(of_run(result.stories), of_run(result.errors)) + demand_values(of_run(result.corrected))
         )
     columns = zip((*campaign.RUN_ERRORS, *campaign.RUN_CORRECTED), np.array(rows).T, strict=True)
+    # Where no run has carried its error along nothing is corrected.
     corrected = not np.isnan(result.corrected.peak_drift).all()
     return list(columns)[: None if corrected else len(campaign.RUN_ERRORS)]
 
 
 def _one(values: Any, *, run: int, stories: int) -> Any:
     """The values of a run of several."""
-    return type(values)(**{one.name: getattr(values, one.name)[run, :stories] for one in fields(values)})
+    return type(values)(**{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)})
 
 
 @_values.register
@@ -303,6 +305,7 @@ def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
     for place, columns in buildings.history_groups(error):
-        found = [column.of(result) for column in columns]
-        values += [one[:, i] for i in range(stories) for one in found] if place else found
+        arrays = [column.of(result) for column in columns]
+        # A column for each floor or story, in the order of the CSV file.
+        values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
     return list(zip(buildings.history_columns(stories, error), values, strict=True))
