@@ -66,14 +66,15 @@ def _errors_beside(table: Table) -> Table:
             continue
         names += [name, _ERROR] if i in errors else [name]
         for row, cells in zip(rows, table.rows, strict=True):
-            row += [cells[i], _percent(cells[errors[i]], cells[i])] if i in errors else [cells[i]]
+            row.append(cells[i])
+            if i in errors:
+                # Of zero, and of what is no number, there is no percentage.
+                value, error = cells[i], cells[errors[i]]
+                percent = None
+                if isinstance(error, float) and isinstance(value, float) and not math.isnan(error) and value:
+                    percent = float(f"{100.0 * error / abs(value):.2g}")
+                row.append(percent)
     return Table(tuple(names), list(map(tuple, rows)), table.meanings)
-
-
-def _percent(error: Cell, value: Cell) -> Cell:
-    if not isinstance(error, float) or not isinstance(value, float) or math.isnan(error) or not value:
-        return None
-    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def emit_table(table: Table) -> None:
@@ -93,44 +94,46 @@ def draw(
     cells = [[_cell(value) for value in row] for row in rows]
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
     numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
+    # Said once, above: the text of all rows, but in the last column; the folder with its / that all files lie in.
     common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
-    files = [i for i in filled if i not in numeric and columns[i] not in _NO_FILES]
-    folders = {i: folder for i in files if (folder := _folder(_at(cells, i)))}
-    for i, folder in folders.items():
-        if i not in common:
+    above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
+    shown = [i for i in filled if i not in common]
+    for i in shown:
+        if i in numeric or columns[i] in _NO_FILES or len(cells) < 2:
+            continue
+        first, last = min(_at(cells, i)), max(_at(cells, i))  # what these begin with alike, all do
+        same = next(
+            (k for k, (letter, other) in enumerate(zip(first, last, strict=False)) if letter != other), len(first)
+        )
+        if folder := first[: first.rfind(_FOLDER, 0, same) + 1]:
+            above += f"{columns[i]}: in {folder}\n"
             for row in cells:
                 row[i] = row[i].removeprefix(folder)
+    units = units or {}
     drawn = [
-        (
-            i not in numeric,
-            _column(_words(columns[i], units or {}), _at(cells, i), right=i in numeric, limit=width // 2),
-        )
-        for i in filled
-        if i not in common
+        _column(columns[i], units.get(columns[i], "1"), _at(cells, i), right=i in numeric, limit=width // 2)
+        for i in shown
     ]
-    whole = sum(len(column[0]) + len(_GAP) for _, column in drawn) - len(_GAP)
+    # A few rows that are too wide: a line for each column, with its name and its values.
+    whole = sum(len(column[0]) + len(_GAP) for column in drawn) - len(_GAP)
     if whole > width and 0 < len(rows) <= _FEW:
-        return _turned([columns[i] for i in filled], [[row[i] for i in filled] for row in cells], width)
-    above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
-    above += "".join(f"{columns[i]}: in {folder}\n" for i, folder in folders.items() if i not in common)
-    keys = _keys([(text, len(column[0])) for text, column in drawn], width)
-    shown = [i for i in filled if i not in common]
+        longest = max(len(columns[i]) for i in filled)
+        room = max(8, (width - longest) // len(cells) - len(_GAP))  # for three letters and the dots of a cut
+        wides = [min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells]
+        text = ""
+        for i in filled:
+            values = [
+                _shortened(row[i], wide).ljust(wide) if wide else row[i] for row, wide in zip(cells, wides, strict=True)
+            ]
+            text += _GAP.join([columns[i].ljust(longest), *values]).rstrip() + "\n"
+        return text
+    texts = [i not in numeric for i in shown]
     errors = {place for place, i in enumerate(shown) if columns[i] == _ERROR}
-    blocks = _blocks([len(column[0]) for _, column in drawn], keys, width, errors)
-    return above + "\n".join("\n".join(_lines([drawn[i][1] for i in block])) + "\n" for block in blocks)
+    return above + _side_by_side(drawn, texts, errors, width)
 
 
 def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:
     return [row[i] for row in rows]
-
-
-def _folder(cells: Sequence[str]) -> str:
-    """The folder with its separator that several files all lie in, whatever lies below it; nothing without one."""
-    if len(cells) < 2 or not all(_FOLDER in cell for cell in cells):
-        return ""
-    first, last = min(cells), max(cells)  # what these begin with alike, all do
-    same = next((i for i, (part, other) in enumerate(zip(first, last, strict=False)) if part != other), len(first))
-    return first[: first.rfind(_FOLDER, 0, same) + 1]
 
 
 def _cell(value: object) -> str:
@@ -144,83 +147,57 @@ def _cell(value: object) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in str(value))
 
 
-def _column(name: Sequence[str], cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
-    """A column: the words of its name on as many lines as it takes, a rule, its cells; all of one width."""
+def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
+    """A column: its name on as many lines as it takes, a rule, its cells; all of one width."""
+    from tdint.units import suffix
+
+    # The words of the name, its unit last and whole
+    bare = name.removesuffix("_error")
+    end = suffix(unit) if bare.endswith(suffix(unit)) else ""
+    error = ["error"] if bare != name else []
+    words = [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
+    # On lines that are no longer than the cells, if a word is not
     cells = [_shortened(cell, limit) for cell in cells]
-    head = _broken(name, max(map(len, cells), default=0))
+    room = max(_NARROWEST, *map(len, cells), 0)
+    head = [""]
+    for word in words:
+        joined = f"{head[-1]} {word}".strip()
+        if len(joined) <= room or not head[-1]:
+            head[-1] = joined
+        else:
+            head.append(word)
     wide = max(map(len, [*head, *cells]))
     lines = [*head, "-" * wide, *cells]
     return [line.rjust(wide) if right else line.ljust(wide) for line in lines]
-
-
-def _broken(name: Sequence[str], room: int) -> list[str]:
-    """The words of a column's name on lines of `room` characters."""
-    room = max(room, _NARROWEST)
-    lines = [""]
-    for word in name:
-        joined = f"{lines[-1]} {word}".strip()
-        if len(joined) <= room or not lines[-1]:
-            lines[-1] = joined
-        else:
-            lines.append(word)
-    return lines
-
-
-def _words(name: str, units: Mapping[str, str]) -> list[str]:
-    """The words of a column's name, its unit last and whole."""
-    from tdint.units import suffix
-
-    bare, unit = name.removesuffix("_error"), units.get(name, "1")
-    end = suffix(unit) if bare.endswith(suffix(unit)) else ""
-    error = ["error"] if bare != name else []
-    return [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
 
 
 def _shortened(text: str, room: int) -> str:
     return text if len(text) <= room else text[: room - 3] + "..."
 
 
-def _keys(columns: Sequence[tuple[bool, int]], width: int) -> int:
-    """How many columns name the row: texts at the start that leave most of the screen, but one at least."""
-    used = 0
-    for count, (text, letters) in enumerate(columns):
-        used += letters + len(_GAP)
-        if not text or used > width // 3:
-            return max(1, count)
-    return 1
-
-
-def _blocks(widths: Sequence[int], keys: int, width: int, errors: Collection[int] = ()) -> list[list[int]]:
-    """Columns that fit on the screen together, errors with what they are errors of; the first ones, which name the row,
-    stand in every block."""
-    names = list(range(min(keys, len(widths))))
-    blocks = [list(names)]
-    for i in range(len(names), len(widths)):
+def _side_by_side(columns: Sequence[list[str]], texts: Sequence[bool], errors: Collection[int], width: int) -> str:
+    """Columns beside each other, in blocks that fit on the screen; `texts` are those of words."""
+    widths = [len(column[0]) for column in columns]
+    # The row is named by words at the start that leave most of the screen, but by one column at least: in every block.
+    names, used = 1, 0
+    for count, is_text in enumerate(texts):
+        used += widths[count] + len(_GAP)
+        if not is_text or used > width // 3:
+            names = max(1, count)
+            break
+    keys = list(range(min(names, len(columns))))
+    # Errors stand with what they are errors of.
+    blocks = [list(keys)]
+    for i in range(len(keys), len(columns)):
         used = sum(widths[k] + len(_GAP) for k in blocks[-1])
         both = widths[i] + (len(_GAP) + widths[i + 1] if i + 1 in errors else 0)
-        if i not in errors and used + both > width and len(blocks[-1]) > len(names):
-            blocks.append(list(names))
+        if i not in errors and used + both > width and len(blocks[-1]) > len(keys):
+            blocks.append(list(keys))
         blocks[-1].append(i)
-    return blocks
-
-
-def _lines(columns: Sequence[list[str]]) -> list[str]:
-    """Columns side by side; their rules stand in one line, the names above it end there."""
-    rules = [next(i for i, line in enumerate(column) if line.strip("-") == "" and line) for column in columns]
-    deepest = max(rules)
-    padded = [[" " * len(column[0])] * (deepest - rule) + column for column, rule in zip(columns, rules, strict=True)]
-    return [_GAP.join(cells).rstrip() for cells in zip(*padded, strict=True)]
-
-
-def _turned(columns: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> str:
-    """A line for each column: its name and its values."""
-    name = max(map(len, columns))
-    room = max(8, (width - name) // len(cells) - len(_GAP))
-    wides = [min(room, max(map(len, row))) if len(cells) > 1 else 0 for row in cells]
-    lines = []
-    for i, column in enumerate(columns):
-        values = [
-            _shortened(row[i], wide).ljust(wide) if wide else row[i] for row, wide in zip(cells, wides, strict=True)
-        ]
-        lines.append(_GAP.join([column.ljust(name), *values]).rstrip())
-    return "\n".join(lines) + "\n"
+    # The rules of a block stand in one line, and the names above it end there.
+    text = []
+    for block in blocks:
+        rules = [next(k for k, line in enumerate(columns[i]) if line and not line.strip("-")) for i in block]
+        padded = [[" " * widths[i]] * (max(rules) - rule) + columns[i] for i, rule in zip(block, rules, strict=True)]
+        text.append("".join(f"{_GAP.join(cells).rstrip()}\n" for cells in zip(*padded, strict=True)))
+    return "\n".join(text)

@@ -19,7 +19,7 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, lasting, write_options
+from tdint_cli.options.grammar import HelpAsData, general, write_options
 from tdint_cli.terminal import Settings, emit, end_in_time, exit_code_of
 
 GROUPS = {
@@ -115,7 +115,7 @@ class LazyGroup(HelpAsData, click.Group):
         """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
-        settings.arguments = lasting(sys.argv[1:] if args is None else args)
+        settings.arguments = _lasting(sys.argv[1:] if args is None else args)
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
         context = copy_context()  # what options set ends with the command
         for noted in (READ, KEPT):  # what the command reads, from now on
@@ -123,8 +123,27 @@ class LazyGroup(HelpAsData, click.Group):
         sys.exit(context.run(exit_code_of, run, settings))
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted and not ctx.resilient_parsing:
+_OF_THE_CALL = ("-q", "--quiet", "--debug", "--overwrite")
+_HOW_IT_IS_DONE = ("--jobs", "--max-runs", "--dask", "--tls-ca", "--tls-cert", "--tls-key")
+"""Options of which no table depends: flags, and those with a value."""
+
+
+def _lasting(arguments: Sequence[str]) -> tuple[str, ...]:
+    """A command line as it was typed, without the options of which no output depends."""
+    result: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            return (*result, word, *words)
+        if word in _HOW_IT_IS_DONE:
+            next(words, None)
+        elif word not in _OF_THE_CALL and word.partition("=")[0] not in _HOW_IT_IS_DONE:
+            result.append(word)
+    return tuple(result)
+
+
+def _show_version(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
+    if is_asked and not ctx.resilient_parsing:
         from tdint.system import __version__
 
         emit(f"tdint {__version__}\n".encode())

@@ -15,8 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -79,29 +78,19 @@ def emit(data: bytes) -> None:
         raise OutputError("standard output is closed")
     try:
         sys.stdout.flush()
-        _write_all(sys.stdout.buffer, data)
+        # Without a buffer (PYTHONUNBUFFERED) `write` may take a part and say so only by a number.
+        rest = memoryview(data)
+        while rest:
+            written = sys.stdout.buffer.write(rest)
+            if not written:
+                raise OSError(errno.ENOSPC, "nothing more goes out")
+            rest = rest[written:]
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         _discard_from_now_on()
     except OSError as error:
         _discard_from_now_on()
         raise OutputError(f"standard output: cannot be written: {error.strerror or error}") from error
-
-
-def _write_all(stream: BinaryIO, data: bytes) -> None:
-    """Write until all is out: without a buffer (PYTHONUNBUFFERED) `write` may take a part and say so only by a number.
-
-    Raises
-    ------
-    OSError
-        Nothing more goes out.
-    """
-    rest = memoryview(data)
-    while rest:
-        written = stream.write(rest)
-        if not written:
-            raise OSError(errno.ENOSPC, "nothing more goes out")
-        rest = rest[written:]
 
 
 def say(*lines: str) -> None:
@@ -130,21 +119,23 @@ def complain(text: str, settings: Settings | None = None) -> None:
     if sys.stderr is None:
         return
     settings = settings or current()
-    text = _SETTING.sub(lambda match: _option(match, settings.options), text)
+
+    def in_words_of_the_command(match: re.Match[str]) -> str:
+        name, value = match.groups()
+        option = f"--{name.replace('_', '-')}"
+        if option not in settings.options:
+            return f"`{name}: {value}`" if value else match[0]
+        return f"{option} {shlex.quote(value)}" if value else option
+
+    text = abridged(_SETTING.sub(in_words_of_the_command, text))
+    # What would steer a terminal, as a file's name or header may, is shown as text.
+    text = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
     try:
         over_the_bar = _EMPTY_LINE if settings.bar else ""
-        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(text))}\n")
+        sys.stderr.write(f"{over_the_bar}{text}\n")
         sys.stderr.flush()
     except OSError:
         pass
-
-
-def _option(match: re.Match[str], options: frozenset[str]) -> str:
-    name, value = match.groups()
-    option = f"--{name.replace('_', '-')}"
-    if option not in options:
-        return f"`{name}: {value}`" if value else match[0]
-    return f"{option} {shlex.quote(value)}" if value else option
 
 
 def say_table(rows: Sequence[Sequence[str]]) -> None:
@@ -152,11 +143,6 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-
-
-def _escaped(match: re.Match[str]) -> str:
-    """What would steer a terminal (a file's name or header may hold it), as text."""
-    return repr(match[0])[1:-1]
 
 
 def _discard_from_now_on() -> None:
@@ -181,12 +167,12 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
     No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`), nor with `--quiet`.
     """
     if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
-        yield lambda what, part: None
+        yield lambda label, part: None
         return
     with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
 
-        def tell(what: str, part: float) -> None:
-            bar.label = f"{what:<12}"
+        def tell(label: str, part: float) -> None:
+            bar.label = f"{label:<12}"
             bar.update(max(0, round(part * _PARTS) - bar.pos))
 
         settings = current()
@@ -216,7 +202,7 @@ def counted(items: Iterable[Item], count: int, label: str, *, to_terminal: bool)
 
 def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
     """What tells of a part of the work, from `start` to `end` of the whole, with a name before what is done."""
-    return lambda what, part: progress(f"{name}{what}", start + (end - start) * part)
+    return lambda label, part: progress(f"{name}{label}", start + (end - start) * part)
 
 
 def is_terminal(stream: object) -> bool:
@@ -287,8 +273,13 @@ def _reported(error: BaseException, settings: Settings) -> int:
     """Say what is wrong, and tell the exit code."""
     try:
         raise error
+    except getattr(click.exceptions, "NoArgsIsHelpError", ()) as error:  # `tdint` alone, since click 8.2
+        error.show()
+        return int(error.exit_code)
     except click.ClickException as error:
-        _show(error)
+        context = error.ctx if isinstance(error, click.UsageError) else None
+        hint = f" (see {context.command_path} --help)" if context else ""
+        complain(f"Error: {' '.join(error.format_message().split())}{hint}")
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         complain(_word_of(signal.SIGINT))
@@ -296,37 +287,23 @@ def _reported(error: BaseException, settings: Settings) -> int:
     except Exception as error:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
-        lines, code = _report(error)
+        # Ours, or one of which a user can do something, or a bug
+        if isinstance(error, TdintError):
+            lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
+        elif _lacks_memory(error):
+            lines = ["not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"]
+            code = OUT_OF_MEMORY
+        elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
+            lines = [f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"]
+            code = UsageError.exit_code
+        else:
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            lines, code = [f"internal error (a bug): {text}; run again with --debug"], BUG
         # What is wrong with a file is said in the words of the file.
         said_by = Settings() if code == ModelError.exit_code else settings
         for line in lines:
             complain(f"Error: {line}", said_by)
         return code
-
-
-def _show(error: click.ClickException) -> None:
-    """What click says of a command line, on one line; `tdint` without anything shows its help."""
-    if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):
-        error.show()
-        return
-    context = error.ctx if isinstance(error, click.UsageError) else None
-    hint = f" (see {context.command_path} --help)" if context else ""
-    complain(f"Error: {' '.join(error.format_message().split())}{hint}")
-
-
-def _report(error: Exception) -> tuple[list[str], int]:
-    """What to say about an error, and its exit code."""
-    if isinstance(error, TdintError):
-        return str(error).splitlines() or [type(error).__name__], error.exit_code
-    if _lacks_memory(error):
-        reason = "not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"
-        return [reason], OUT_OF_MEMORY
-    if isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
-        return [
-            f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"
-        ], UsageError.exit_code
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return [f"internal error (a bug): {text}; run again with --debug"], BUG
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
@@ -387,7 +364,9 @@ class _Notes(logging.Handler):
 @contextmanager
 def _notes_of_the_library() -> Iterator[None]:
     logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
-    if any(isinstance(one, _Notes) for one in logger.handlers):  # a command within a command, which would say all twice
+    if any(
+        isinstance(other, _Notes) for other in logger.handlers
+    ):  # of a command around this one: all would come twice
         yield
         return
     before, propagates = logger.level, logger.propagate
@@ -418,13 +397,27 @@ def end_in_time() -> Callable[..., None]:
     said = threading.Event()
     source, told = os.pipe()
     do_not_wait(told)
-    threading.Thread(target=_watch, args=(source, said), daemon=True).start()
+
+    def watch() -> None:
+        # A signal that is ignored is not told; the first one counts.
+        while data := os.read(source, 1):
+            if data[0] in ENDING:
+                threading.Event().wait(_PATIENCE)
+                _end(data[0], said)
+
+    def ended(code: object = None) -> None:
+        said.set()
+        if code in [AFTER_SIGNAL + number for number in ENDING]:
+            _end(int(str(code)) - AFTER_SIGNAL, said)
+
+    threading.Thread(target=watch, daemon=True).start()
     signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    # Python's own handlers would show a traceback, once the command has ended; others were meant.
     for number in ENDING:
         handler = signal.getsignal(number)
         if handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli":  # that of `tdint_cli.start`
             signal.signal(number, _left_to_the_watch)
-    return partial(_ended, said)
+    return ended
 
 
 def _left_to_the_watch(*_: Any) -> None:
@@ -435,26 +428,13 @@ _NOBODY_S = (signal.SIG_DFL, signal.default_int_handler, _left_to_the_watch)
 """Handlers that nobody has set: another one, or SIG_IGN (`nohup`), was meant."""
 
 
-def _ended(said: threading.Event, code: object = None) -> None:
-    said.set()
-    if code in [AFTER_SIGNAL + number for number in ENDING]:
-        _end(int(str(code)) - AFTER_SIGNAL, said)
-
-
-def _watch(source: int, said: threading.Event) -> None:
-    # A signal that is ignored is not told; the first one counts.
-    while data := os.read(source, 1):
-        if data[0] in ENDING:
-            threading.Event().wait(_PATIENCE)
-            _end(data[0], said)
-
-
 def _end(number: int, said: threading.Event) -> None:
     import multiprocessing
 
     from tdint.files import remove_unfinished
 
     with suppress(Exception):
+        # Neither processes nor files that are half written stay behind.
         for process in multiprocessing.active_children():
             process.kill()
         remove_unfinished()

@@ -344,14 +344,27 @@ def carry_out(
     Failures
         Records that could not be read, when all else is done.
     """
-    from tdint.campaign.store_schema import locked, refuse_network
+    from tdint.campaign.store import FILE, forget, open_store, remove
+    from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     with locked(folder):
         named = check_names(folder, request)
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
-        store, remarks = _opened(folder, plan, overwrite)
+        try:
+            store, remarks = open_store(folder, plan)
+        except (UntrustedStoreError, UsageError):
+            if not overwrite:
+                raise
+            # Another campaign, or a store that cannot be used, goes with the tables that were made of it.
+            made = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE, MEASURES)
+            names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY)
+            refuse_kept(folder / name for name in names)
+            forget(folder / FILE)
+            for name in names:
+                remove(folder / name)
+            store, remarks = open_store(folder, plan)
         note(*plan.notes, *remarks)
         if plan.far:
             many = (
@@ -369,7 +382,14 @@ def carry_out(
                 emit_table(tables.campaign.runs_table(store).in_units(units))
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
-            _say(store, advance)
+            # What was done, and what of it a person must look at
+            new = advance.done - advance.before
+            if new:
+                before = f", {advance.before} before" if advance.before else ""
+                say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+            else:
+                say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
+            tell_outcomes(store)
             unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])
@@ -386,20 +406,6 @@ def check_names(folder: Path, request: SuiteRequest) -> list[Path]:
     named = request.named_files(folder, overwrite=request.overwrite or begun)
     check_outputs(names, overwrite=request.overwrite or begun)
     return [*named, *names]
-
-
-def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]]:
-    """The store in a folder and what to say of it; with `overwrite` a new one in place of one that cannot be used."""
-    from tdint.campaign.store import open_store
-    from tdint.campaign.store_schema import UntrustedStoreError
-
-    try:
-        return open_store(folder, plan)
-    except (UntrustedStoreError, UsageError):
-        if not overwrite:
-            raise
-    _forget(folder)
-    return open_store(folder, plan)
 
 
 def is_complete(store: Store) -> bool:
@@ -421,18 +427,6 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
             if (folder / name).exists():
                 raise foreign(folder / name)
-
-
-def _forget(folder: Path) -> None:
-    """Remove a campaign from a folder that is locked, with the tables that were made of it."""
-    from tdint.campaign.store import FILE, forget, remove
-
-    tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE)
-    names = (*tables, PICTURE, MEASURES, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY)
-    refuse_kept(folder / name for name in names)
-    forget(folder / FILE)
-    for name in names:
-        remove(folder / name)
 
 
 def advance_with_bar(
@@ -628,17 +622,6 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         if store.rates():
             writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)
     return writers
-
-
-def _say(store: Store, advance: Advance) -> None:
-    """What was done, and what of it a person must look at."""
-    new = advance.done - advance.before
-    if not new:
-        say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
-    else:
-        before = f", {advance.before} before" if advance.before else ""
-        say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
-    tell_outcomes(store)
 
 
 def tell_outcomes(store: Store) -> None:

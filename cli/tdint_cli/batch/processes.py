@@ -75,8 +75,20 @@ class Workers(Generic[Item, Outcome]):
             busy = [worker for worker in self._workers if worker.place is not None]
             ready = connection.wait([end for worker in busy for end in (worker.pipe, worker.process.sentinel)])
             for worker in busy:
-                if worker.pipe in ready or worker.process.sentinel in ready:
-                    yield self._taken(worker)
+                if worker.pipe not in ready and worker.process.sentinel not in ready:
+                    continue
+                assert worker.place is not None
+                place = worker.place
+                try:
+                    succeeded, outcome = worker.pipe.recv()
+                except (EOFError, OSError):  # It has ended, and its item is lost.
+                    self._remove(worker)
+                    yield place, Lost()
+                    continue
+                worker.place = None
+                if not succeeded:
+                    raise outcome
+                yield place, outcome
 
     def _hand_out(self, waiting: deque[tuple[int, Item]]) -> None:
         """Give every process that has nothing to do an item, as long as there are any; start those that are missing."""
@@ -94,19 +106,6 @@ class Workers(Generic[Item, Outcome]):
                 self._remove(idle)
             else:
                 idle.place = place
-
-    def _taken(self, worker: _Worker) -> tuple[int, Outcome | Lost]:
-        assert worker.place is not None
-        place = worker.place
-        try:
-            succeeded, outcome = worker.pipe.recv()
-        except (EOFError, OSError):
-            self._remove(worker)
-            return place, Lost()
-        worker.place = None
-        if not succeeded:
-            raise outcome
-        return place, outcome
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
@@ -233,16 +232,14 @@ def _shared(
             continue
         while place not in done:
             number, outcome = next(come)
-            other = tasks[shared[number]]
-            done[shared[number]] = _lost(other) if isinstance(outcome, Lost) else outcome
+            if isinstance(outcome, Lost):
+                source = tasks[shared[number]].source
+                outcome = AnalysisError(
+                    f"{source}: the process that worked on it ended before its time (killed, or is there not enough "
+                    "memory?); use fewer --jobs"
+                )
+            done[shared[number]] = outcome
         yield done.pop(place)
-
-
-def _lost(task: Task) -> AnalysisError:
-    return AnalysisError(
-        f"{task.source}: the process that worked on it ended before its time (killed, or is there not enough memory?); "
-        "use fewer --jobs"
-    )
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import UsageError
+from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
@@ -25,13 +25,8 @@ from tdint_cli.batch.campaigns import (
     set_looks,
 )
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName
+from tdint_cli.options.grammar import FileName, Mode, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
-
-if TYPE_CHECKING:
-    from tdint.campaign.carry_out import Engine, Shard
-    from tdint.campaign.cluster import Cluster
-    from tdint.campaign.store import Store
 
 
 @options.request
@@ -108,18 +103,15 @@ class CampaignRequest(SuiteRequest):
         "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
     )
 
-    def refuse(self, *names: str) -> None:
-        """Raise UsageError for options that the action does not take."""
-        if self.report and "jobs" in names:
-            raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
-        if self.of_floors.floors and "jobs" in names:
-            raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
-        for name in (*names, *("im",) * ("jobs" in names)):
-            if getattr(self, name) not in (None, False):
-                raise UsageError(f"--{name.replace('_', '-')} is not for `tdint campaign {self.words[0]}`")
 
-
-_OF_RUNS = ("jobs", "shard", "max_runs", "dask", "tls_ca", "tls_cert", "tls_key")
+_OF_TABLES = frozenset(("output_units", "overwrite", "plot", "limit", "baseline", "by"))
+_OF_RUNS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
+_NO_MODELS = dict.fromkeys(("im", "report", "floors"), "it has no models: give it to the call that does the runs")
+_RUN = Mode("with `tdint campaign CAMPAIGN.yaml`", _OF_TABLES | _OF_RUNS | {"output"})
+_STATUS = Mode("with `tdint campaign status`", advice=_NO_MODELS)
+_EXPORT = Mode("with `tdint campaign export`", _OF_TABLES | {"simcenter", "geojson"}, _NO_MODELS)
+_MERGE = Mode("with `tdint campaign merge`", _OF_TABLES | {"output", "partial"}, _NO_MODELS)
+MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
 
 
 @options.command(
@@ -145,42 +137,51 @@ def command(request: CampaignRequest) -> None:
     A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
     cannot be read are told, the others are done, and the exit code is 4.
     """
-    _ACTIONS.get(request.words[0], _run)(request)
+    mode, act = _ACTIONS.get(request.words[0], (_RUN, _run))
+    refuse_idle(mode, MODES)
+    act(request)
 
 
 def _run(request: CampaignRequest) -> None:
     if len(request.words) > 1:
         raise UsageError(f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}")
-    request.refuse("simcenter", "geojson", "partial")
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
+    # What can be seen to fail is refused before the inputs are read: floors, measures, outputs, shard, cluster.
     request.of_floors.check(request.output)
-    _check_measures(request)
+    if request.im:
+        from tdint.campaign.fragility.measures import run_measure
+
+        for name in request.im:
+            run_measure(name)
     check_names(Path(request.output), request)
-    shard, engine = _shard(request.shard), _engine(request)
+    from tdint.campaign.carry_out import Shard, cluster, threads
     from tdint.campaign.inputs import read_inputs
     from tdint.campaign.plan import make_plan
     from tdint.campaign.reader import load_campaign
 
+    shard = None
+    if request.shard is not None:
+        first, slash, last = request.shard.partition("/")
+        if not (slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
+            raise UsageError(f"--shard is K/N with K from 1 to N, such as 2/8, got {request.shard!r}")
+        shard = Shard(int(first), int(last))
+    if request.dask is not None:
+        from tdint.campaign.cluster import Cluster
+
+        far = Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
+        if request.jobs is not None:
+            raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
+        engine = cluster(far)
+    else:
+        engine = threads(request.jobs or processors())
     campaign = load_campaign(request.words[0])
     plan = make_plan(campaign, read_inputs(campaign))
     set_looks(plan.style, campaign.source, drawn=bool(request.plot or request.report))
     carry_out(plan, engine, request, shard=shard, max_runs=request.max_runs)
 
 
-def _check_measures(request: CampaignRequest) -> None:
-    """Refuse measures that are not known before the runs."""
-    if request.im:
-        from tdint.campaign.fragility.measures import run_measure
-
-        for name in request.im:
-            run_measure(name)
-
-
 def _status(request: CampaignRequest) -> None:
-    request.refuse(
-        *_OF_RUNS, "simcenter", "geojson", "partial", "output", "output_units", "overwrite", "plot", "limit", "by"
-    )
     from tdint.campaign.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -196,7 +197,6 @@ def _status(request: CampaignRequest) -> None:
 
 
 def _export(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "output", "partial")
     from tdint.campaign.store import check_chunks, open_existing
 
     folder = _folder(request)
@@ -222,7 +222,6 @@ def _export(request: CampaignRequest) -> None:
 
 
 def _merge(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter", "geojson")
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
@@ -238,15 +237,12 @@ def _merge(request: CampaignRequest) -> None:
             units = request.output_units or store.output_units()
             profiles = Profiles(store, request, units)
             finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
-            _say_left(store, target)
+            every, done = int(store.meta("runs")), sum(store.statuses().values())
+            if done < every:
+                rest = f"`tdint campaign FILE -o {target}` does the rest"
+                warn(f"{every - done} of {every} runs are in none of them; {rest}")
             if unmet := profiles.tell():
                 raise Failures(unmet)
-
-
-def _say_left(store: Store, target: Path) -> None:
-    every, done = int(store.meta("runs")), sum(store.statuses().values())
-    if done < every:
-        warn(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
 
 
 def _folder(request: CampaignRequest) -> Path:
@@ -255,36 +251,8 @@ def _folder(request: CampaignRequest) -> Path:
     return Path(request.words[1])
 
 
-def _shard(text: str | None) -> Shard | None:
-    if text is None:
-        return None
-    from tdint.campaign.carry_out import Shard
-
-    first, slash, last = text.partition("/")
-    if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
-        return Shard(int(first), int(last))
-    raise UsageError(f"--shard is K/N with K from 1 to N, such as 2/8, got {text!r}")
-
-
-def _engine(request: CampaignRequest) -> Engine:
-    from tdint.campaign.carry_out import cluster, threads
-
-    far = _cluster(request)
-    if far is not None:
-        if request.jobs is not None:
-            raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
-        return cluster(far)
-    from tdint.system import processors
-
-    return threads(request.jobs or processors())
-
-
-def _cluster(request: CampaignRequest) -> Cluster | None:
-    from tdint.campaign.cluster import Cluster
-
-    if request.dask is None:
-        return None
-    return Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
-
-
-_ACTIONS: dict[str, Callable[[CampaignRequest], None]] = {"status": _status, "export": _export, "merge": _merge}
+_ACTIONS: dict[str, tuple[Mode, Callable[[CampaignRequest], None]]] = {
+    "status": (_STATUS, _status),
+    "export": (_EXPORT, _export),
+    "merge": (_MERGE, _merge),
+}

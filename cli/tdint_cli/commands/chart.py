@@ -16,13 +16,13 @@ from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import FileName, Number, Ratio
+from tdint_cli.options.grammar import FileName, Mode, Number, Ratio, refuse_idle
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.chart.problem import Problem
-    from tdint.analysis.chart.profiles import FieldChart, FieldProblem
+    from tdint.analysis.chart.profiles import FieldProblem
     from tdint.analysis.chart.work_precision import Chart, Point, Timing
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
@@ -34,6 +34,14 @@ MOST_STORIES = 10_000
 MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)
 """Errors for which a method and a step are recommended."""
+
+_OF_MODELS = NAMES | {"models", "records", "scale", "duration"}
+_OF_STEPS = _OF_MODELS | {"steps", "halvings", "cache"}
+_ONE = Mode("with one building", _OF_STEPS | {"tolerances", "versus", "peers"})
+_SIZES = Mode("with --stories", _OF_STEPS | {"stories"})
+_MANY = Mode("with many problems", _OF_MODELS | {"peers"})
+_PROBLEMS = Mode("with --problems", frozenset({"peers"}))
+MODES = (_ONE, _SIZES, _MANY, _PROBLEMS)
 
 
 @options.request
@@ -168,8 +176,10 @@ def command(request: Request) -> None:
     the problem is not judged there. --peers: OpenSeesPy, on one motion of each building that it can do.
     """
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
+        refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
         _chart_many(request)
         return
+    refuse_idle(_SIZES if request.stories else _ONE, MODES)
     building = _check(request)
     from tdint.analysis.run.run import model_record
     from tdint.model.config.model_file import load_model
@@ -179,11 +189,28 @@ def command(request: Request) -> None:
     if record:
         warn(*(f"{record.source}: {warning}" for warning in record.warnings))
     with progress_bar(request.outputs.table is None) as progress:
-        charts, left_out = _charts(request, model, record, progress)
+        if request.stories:
+            from tdint.analysis.chart.problem import stretched
+
+            # Of each number of stories; without other programs nothing is left out.
+            charts, left_out = [], list[str]()
+            share = 1.0 / len(request.stories)
+            for done, count in enumerate(request.stories):
+                part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
+                charts.append(_chart(request, stretched(model, count), record, part)[0])
+        else:
+            chart, left_out = _chart(request, model, record, progress)
+            charts = [chart]
+    # Recommendations are for one building whose errors of peaks say something.
     advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, charts, model, record, advice, notes)
-    say(*(_reference(request, chart) for chart in charts))
+    for chart in charts:
+        reference = chart.reference
+        say(
+            f"{how_many(chart.stories, 'story')}: the reference is {reference.method} with dt {reference.dt:.6g} s; "
+            f"{reference.confirmed_by} differs from it by {reference.gap.of(request.target):.1e} ({request.target})."
+        )
     if advice:
         _recommend(request, charts[0], advice)
     note(*notes)
@@ -212,12 +239,6 @@ def _check(request: Request) -> BuildingRequest:
         raise UsageError(f"--target {request.target} is of many problems; of one it is {', '.join(QUANTITIES)}")
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
-    if request.stories and request.versus != "time":
-        raise UsageError(f"--versus {request.versus} draws one building; leave out --stories")
-    if request.stories and request.tolerances:
-        raise UsageError("--tolerance charts one building; leave out --stories")
-    if request.stories and request.peers:
-        raise UsageError("--peers charts one building; leave out --stories")
     if request.stories and peers():
         raise UsageError("PEERS of a plug-in are charted for one building; leave out --stories")
     building = request.of(request.models[0], request.records[0] if request.records else None)
@@ -227,23 +248,10 @@ def _check(request: Request) -> BuildingRequest:
 
 def _chart_many(request: Request) -> None:
     """Performance profiles over many problems."""
-    # What has nothing to act on
-    idle: dict[str, object] = {"--dt": request.steps, "--halvings": request.halvings, "--stories": request.stories}
-    idle |= {"--tolerance": request.tolerances}
-    idle |= {"--versus": request.versus != "time", "--no-cache": not request.cache}
-    if request.problems:
-        idle |= {"MODEL.yaml": request.models, "--record": request.records, "--scale": request.scale}
-        idle |= {"--duration": request.duration, "--units": request.units, "--component": request.component}
-    for name, value in idle.items():
-        if value:
-            raise UsageError(
-                f"{name} has nothing to act on with {'--problems' if request.problems else 'many problems'}"
-            )
     if request.target not in PEAKS:
         raise UsageError(f"--target {request.target} is of one problem; of many it is {', '.join(PEAKS)}")
     if peers():
         raise UsageError("PEERS of a plug-in are charted for one building")
-    # All of them
     from tdint.analysis.chart.profiles import METHODS, measure_all
     from tdint.output.summary import field_summary
 
@@ -251,14 +259,21 @@ def _chart_many(request: Request) -> None:
     integrators = options.analysis.integrators(request.methods or METHODS)
     with progress_bar(request.outputs.table is None) as progress:
         chart = measure_all(given, integrators, repeats=request.repeat, peers=request.peers, progress=progress)
-    leaders = chart.leaders()
-    # Its table, its picture, and what to take of it
-    table, notes = tables.methods.profile_table(chart), _doubts(chart)
+    # Problems whose references are not known well enough for all tolerances
+    notes = []
+    for case in chart.measured:
+        if doubtful := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
+            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
+            notes.append(
+                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
+            )
+    table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
         lambda: figures.comparison.profile_picture(chart, target=request.target),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
     )
+    leaders = chart.leaders()
     say(
         f"{how_many(len(chart.measured), 'problem')}. Best overall (most within twice the least cost): "
         f"{leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails least): {leaders.safest}."
@@ -285,41 +300,19 @@ def _problems(request: Request) -> list[FieldProblem]:
     return crossed(models, ())
 
 
-def _doubts(chart: FieldChart) -> list[str]:
-    """Problems whose references are not known well enough for all tolerances."""
-    doubts = []
-    for case in chart.measured:
-        doubtful = {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}
-        if doubtful:
-            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
-            doubts.append(
-                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
-            )
-    return doubts
-
-
-def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
-    """The chart of the building, or of each number of stories; and what of the peers is left out."""
-    if not request.stories:
-        chart, left_out = _chart(request, model, record, progress)
-        return [chart], left_out
-    from tdint.analysis.chart.problem import stretched
-
-    charts = []
-    share = 1.0 / len(request.stories)
-    for done, count in enumerate(request.stories):
-        part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
-        charts.append(_chart(request, stretched(model, count), record, part)[0])
-    return charts, []
-
-
 def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
     from tdint.analysis.chart.problem import ending_together, pose
-    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
+    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, default_steps, halved_steps, measure, suited
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
-    steps = _steps(request, problem, len(integrators))
+    # The steps: as they are given, halved so often, or for many stories the sampling interval alone
+    if request.steps:
+        steps: Sequence[float] = request.steps
+    elif request.halvings is not None:
+        steps = halved_steps(problem, request.halvings)
+    else:
+        steps = [problem.interval] if request.stories else default_steps(problem, len(integrators), request.repeat)
     problem = ending_together(problem, steps)
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
@@ -345,16 +338,6 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
         chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
         left_out = [*left_out, *more]
     return chart, left_out
-
-
-def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
-    from tdint.analysis.chart.work_precision import default_steps, halved_steps
-
-    if request.steps:
-        return request.steps
-    if request.halvings is not None:
-        return halved_steps(problem, request.halvings)
-    return [problem.interval] if request.stories else default_steps(problem, methods, request.repeat)
 
 
 def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
@@ -394,17 +377,6 @@ def _deliver(
         )
 
     request.outputs.deliver(table, draw, summarize)
-
-
-def _reference(request: Request, chart: Chart) -> str:
-    """How the reference was computed and how well it is known."""
-    reference = chart.reference
-    stories = how_many(chart.stories, "story")
-    gap = reference.gap.of(request.target)
-    return (
-        f"{stories}: the reference is {reference.method} with dt {reference.dt:.6g} s; {reference.confirmed_by} "
-        f"differs from it by {gap:.1e} ({request.target})."
-    )
 
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:

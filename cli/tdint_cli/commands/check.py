@@ -11,12 +11,16 @@ import click
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import is_file
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName
-from tdint_cli.terminal import Failures, note, say, warn
+from tdint_cli.options.grammar import FileName, Mode, refuse_idle
+from tdint_cli.terminal import Failures, emit, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.overview import Overview
     from tdint.units import OutputUnits
+
+_MODELS = Mode("with models", frozenset(("models", "output_units")))
+_SCHEMA, _PLUGINS = Mode("with --schema"), Mode("with --plugin alone")
+MODES = (_MODELS, _SCHEMA, _PLUGINS)
 
 _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
 """A key that campaign files have at the left margin, and models have not."""
@@ -57,12 +61,16 @@ def command(
     radius at infinity; exit code 5 if one is not as declared. With models that have its laws, these are put through
     cycles of drift: force, tangent and energy must fit each other.
     """
+    mode = _SCHEMA if schema else _PLUGINS if plugins and not models else _MODELS
+    refuse_idle(mode, MODES)
     if schema:
-        if models or output_units:
-            raise UsageError(f"--schema takes no {'model' if models else '--output-units'}")
-        _print_schema(schema)
+        from tdint.campaign.reader import campaign_schema
+        from tdint.model.config.model_file import model_schema
+        from tdint.output.summary import json_bytes
+
+        emit(json_bytes(model_schema() if schema == "model" else campaign_schema()))
         return
-    if plugins and not models:
+    if mode is _PLUGINS:
         _check_methods(plugins)
         return
     if not models:
@@ -141,13 +149,3 @@ def _named_by(file: str) -> tuple[str, ...] | None:
     campaign = load_campaign(file)
     say(f"{file}: a campaign without a fault")
     return campaign.buildings.files if isinstance(campaign.buildings, ModelFiles) else ()
-
-
-def _print_schema(kind: str) -> None:
-    from tdint.campaign.reader import campaign_schema
-    from tdint.model.config.model_file import model_schema
-    from tdint.output.summary import json_bytes
-    from tdint_cli.terminal import emit
-
-    schemas = {"model": model_schema, "campaign": campaign_schema}
-    emit(json_bytes(schemas[kind]()))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,10 +21,7 @@ from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tdint.analysis.compare import Comparison, Event
+    from tdint.analysis.compare import Comparison
     from tdint.analysis.fit import Fit
     from tdint.files import Content
     from tdint.model.definition import Model
@@ -158,13 +155,18 @@ def command(request: Request) -> None:
     computed over that recorded, rms of the difference over that of the recording. With -o also the spectra of the
     floors' absolute accelerations.
     """
-    from tdint.analysis.compare import Event, compare
+    from tdint.analysis.compare import Event, compare, unmet
     from tdint.analysis.fit import fit
     from tdint.model.config.model_file import load_model
     from tdint.model.recorded import load_recording
     from tdint.output.tables.buildings import comparison_table
 
-    _check(request)
+    # What can be seen to fail is refused before any work.
+    if request.model == "-" and request.recorded == "-":
+        raise UsageError("standard input already holds the model; give the recordings as a file")
+    if request.picture:
+        check_picture(request.picture)
+    check_outputs(request.outputs, overwrite=request.overwrite)
     model = load_model(request.model)
     units = request.output_units or model.output_units
     model = replace(model, output_units=units)
@@ -178,16 +180,9 @@ def command(request: Request) -> None:
         emit_table(comparison_table(comparisons))
     _write(request, model, comparisons, fitted, units)
     _remark(comparisons, fitted, units)
-    _judge(request, comparisons)
-
-
-def _check(request: Request) -> None:
-    """Refuse, before any work, what can be seen to fail."""
-    if request.model == "-" and request.recorded == "-":
-        raise UsageError("standard input already holds the model; give the recordings as a file")
-    if request.picture:
-        check_picture(request.picture)
-    check_outputs(request.outputs, overwrite=request.overwrite)
+    # All is written before what does not come up to the requirements is an error.
+    if faults := [fault for comparison in comparisons for fault in unmet(comparison, request.require or ())]:
+        raise AnalysisError("; ".join(faults))
 
 
 def _write(
@@ -196,8 +191,16 @@ def _write(
     from tdint.model.config.model_file import rewritten
     from tdint.output.summary import comparison_summary
     from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
+    from tdint.written_numbers import parse_grid
 
-    periods = _periods(request, comparisons[0].event)
+    # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's interval and band leave
+    if request.periods:
+        periods = request.periods.values()
+    else:
+        event, every = comparisons[0].event, parse_grid(PERIODS).values()
+        low, high = event.recording.band or (0.0, float("inf"))
+        periods = every[(every * high >= 1.0) & (every * low <= 1.0) & (every >= 2.0 * event.base.dt)]
+        periods = periods if periods.size else every[-1:]
     files: dict[Path, Content] = {}
     if request.output:
         files[request.file(TABLE)] = comparison_table(comparisons).csv()
@@ -213,34 +216,19 @@ def _write(
         draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
         files[picture] = figures.style.picture(picture.suffix, draw)
     if request.output:
-        summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
+        settings = {
+            "method": request.method,
+            "dt_s": request.dt,
+            "fit": list(request.fit or ()),
+            "blind": list(request.blind or ()),
+            "require": dict(request.require or ()),
+            "damping": request.damping,
+            "periods": str(request.periods) if request.periods else None,
+        }
+        summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
     if files:
         write_files(files, overwrite=request.overwrite)
-
-
-def _periods(request: Request, event: Event) -> NDArray[np.float64]:
-    """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
-    from tdint.written_numbers import parse_grid
-
-    if request.periods:
-        return request.periods.values()
-    band = event.recording.band or (0.0, float("inf"))
-    periods = parse_grid(PERIODS).values()
-    chosen = periods[(periods * band[1] >= 1.0) & (periods * band[0] <= 1.0) & (periods >= 2.0 * event.base.dt)]
-    return chosen if chosen.size else periods[-1:]
-
-
-def _settings(request: Request) -> dict[str, Any]:
-    return {
-        "method": request.method,
-        "dt_s": request.dt,
-        "fit": list(request.fit or ()),
-        "blind": list(request.blind or ()),
-        "require": dict(request.require or ()),
-        "damping": request.damping,
-        "periods": str(request.periods) if request.periods else None,
-    }
 
 
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
@@ -267,12 +255,3 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
         say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
     note(*dict.fromkeys(text for item in comparisons for text in (*item.event.notes, *item.response.notes)))
     note(*(fitted.notes if fitted else ()))
-
-
-def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
-    """Raise AnalysisError for what does not come up to the requirements; all is written before."""
-    from tdint.analysis.compare import unmet
-
-    faults = [fault for comparison in comparisons for fault in unmet(comparison, request.require or ())]
-    if faults:
-        raise AnalysisError("; ".join(faults))

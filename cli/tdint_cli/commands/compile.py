@@ -10,11 +10,17 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.written_numbers import how_many
 from tdint_cli import options
+from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.terminal import emit, progress_bar, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")
 TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[:-1]  # Windows: x86-64 only
+
+
+_COMPILE, _SHOW = Mode("", frozenset(("targets", "output"))), Mode("with --show", frozenset({"show"}))
+_CLEAN = Mode("with --clean alone")
+MODES = (_COMPILE, _SHOW, _CLEAN)
 
 
 @options.request
@@ -59,13 +65,16 @@ def command(request: Request) -> None:
     run needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
     lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
     """
+    asked = bool(request.models or request.everything)
+    if asked or request.clean:
+        refuse_idle((_SHOW if request.show else _COMPILE) if asked else _CLEAN, MODES)
     if request.clean:
         from tdint.kernels.building import store
 
         say(f"{how_many(store.clean(), 'compiled time loop')} removed.")
-        if not (request.models or request.everything):
+        if not asked:
             return
-    if not request.models and not request.everything:
+    if not asked:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.prepared import of_everything, of_model
     from tdint.kernels.building.obtaining import compile_ahead, shown

@@ -159,10 +159,10 @@ def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) 
     return list(zip(_names(example, kind), contents, strict=False))
 
 
-def _general_figures(wanted: Sequence[Example], kind: str) -> dict[str, Content]:
-    """The paper's figures that show no motion: methods on an oscillator, and the buildings of the wanted examples."""
+def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
+    """The paper's figures that show no motion: methods on an oscillator, and the buildings of examples."""
     drawings: dict[int, Callable[[], Any]] = {number: partial(_draw_laboratory, number) for number in range(1, 7)}
-    for example in wanted:
+    for example in drawn:
         if example.drawn_as:
             title = f"Figure {example.drawn_as}: example {example.number}, {example.about}"
             drawings[example.drawn_as] = partial(figures.examples.row_picture, title, example.model)
@@ -177,7 +177,8 @@ def _draw_laboratory(number: int) -> Any:
 
     if number == _ORDER_FIGURE:
         problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
-        measured = [observed_order(method, one) for method in options.analysis.integrators(METHODS) for one in problems]
+        integrators = options.analysis.integrators(METHODS)
+        measured = [observed_order(method, problem) for method in integrators for problem in problems]
         return figures.assessment.order_picture(measured, f"Figure {number}: ")
     quantity, damping, about = _LABORATORY[number]
     methods = [f"impulse:beta={beta}" for beta in BETAS] if number == _BETA_FIGURE else METHODS

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
 
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.grammar import Name
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
-
-if TYPE_CHECKING:
-    from tdint.analysis.assessment.failures import Trial
 
 
 def _problems() -> list[str]:
@@ -61,11 +57,7 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
         trial for problem in named_problems for integrator in integrators for trial in attempt(integrator, problem)
     ]
     outputs.deliver(tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials))
-    _say_verdicts(trials)
-
-
-def _say_verdicts(trials: list[Trial]) -> None:
-    """How often each method got each verdict; the columns in the order in which verdicts were met, `pass` first."""
+    # How often each method got each verdict; the columns in the order in which verdicts were met, `pass` first
     verdicts = sorted(dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass")
     rows = [("method", *verdicts)]
     for method in dict.fromkeys(trial.method for trial in trials):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,17 +14,21 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Number, span
+from tdint_cli.options.grammar import FileName, Mode, Number, refuse_idle, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
     from tdint.campaign.fragility.fits import Fragility
 
 _FITS = ("stripes", "ida", "cloud")
-_OF_FUNCTIONS = ("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "states")
-"""Options that a comparison of measures does not take."""
+_FIT = Mode(
+    "with a single measure",
+    frozenset(("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "plot", "output_units")),
+    {"sufficiency": "it compares measures: give several with --im"},
+)
+_COMPARE = Mode("with several measures (--im), which are compared", frozenset({"sufficiency"}))
+MODES = (_FIT, _COMPARE)
 
 SIGNIFICANT = 0.05
 """P-value below which a slope is told."""
@@ -132,24 +135,16 @@ def command(request: Request) -> None:
     runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
     slope of what is left with its p-value (sufficiency).
     """
-    if request.im and len(request.im) > 1:
-        _compare(request, request.im)
-        return
-    if request.sufficiency:
-        raise UsageError("--sufficiency compares measures: give several with --im")
-    _fragility(request)
+    several = bool(request.im and len(request.im) > 1)
+    refuse_idle(_COMPARE if several else _FIT, MODES)
+    (_compare if several else _fragility)(request)
 
 
-def _compare(request: Request, measures: Sequence[str]) -> None:
+def _compare(request: Request) -> None:
     from tdint.campaign.fragility.measures import compare_measures
 
-    outputs = request.outputs
-    others = {name: getattr(request, name) for name in _OF_FUNCTIONS}
-    for name, value in (others | {"plot": outputs.picture, "output_units": outputs.units}).items():
-        if value:
-            raise UsageError(f"--{name.replace('_', '-')} has no part in a comparison of measures; give one --im")
-    fits = compare_measures(request.table, measures, request.sufficiency)
-    outputs.deliver(tables.studies.comparison_of_measures(fits))
+    fits = compare_measures(request.table, request.im or (), request.sufficiency)
+    request.outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
     say(
         f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {how_many(best.runs, 'run')}; "
@@ -161,7 +156,7 @@ def _compare(request: Request, measures: Sequence[str]) -> None:
 
 
 def _fragility(request: Request) -> None:
-    from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest
+    from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest, fit_table, fit_types
 
     outputs, by = request.outputs, request.by
     if by == "type" and request.states:
@@ -180,15 +175,22 @@ def _fragility(request: Request) -> None:
         measure=request.im[0] if request.im else None,
         states=(request.states or ()) if by else (),
     )
-    result = _fitted(request.table, asked, by)
+    result = fit_types(Path(request.table), asked, by) if by else fit_table(request.table, asked)
     note(*result.notes)
     warn(*result.warnings, *result.disagreements)
     if not result.functions:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
+    # For OpenQuake; of types those that have a function of every state
     for file in model:
-        _write_model(result.functions, file, request.states or (), outputs.overwrite)
+        from tdint.output.tables.exports import STRENGTH, fragility_model, whole_types
+
+        if functions[0].im.startswith("sdi"):
+            warn(f"{file}: {STRENGTH}")
+        whole, partial = whole_types(result.functions) if result.functions[0].type else (result.functions, [])
+        warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
+        write_files({file: fragility_model(whole, file.stem, request.states or ())}, overwrite=outputs.overwrite)
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,
@@ -197,37 +199,14 @@ def _fragility(request: Request) -> None:
         ),
         lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
     )
-    say(*([_count(functions, by)] if by else map(_words, functions)))
-    warn(*map(str, result.failures))
-
-
-def _fitted(table: str, request: FragilityRequest, by: str | None) -> FragilityResult:
+    # Of many functions their number and their fits, of few each
     if by:
-        from tdint.campaign.fragility.fit_table import fit_types
-
-        return fit_types(Path(table), request, by)
-    from tdint.campaign.fragility.fit_table import fit_table
-
-    return fit_table(table, request)
-
-
-def _write_model(functions: Sequence[Fragility], file: Path, states: Sequence[str], overwrite: bool) -> None:
-    """Write the functions for OpenQuake; of types those that have one of every state."""
-    from tdint.output.tables.exports import STRENGTH, fragility_model, whole_types
-
-    if functions[0].im.startswith("sdi"):
-        warn(f"{file}: {STRENGTH}")
-    whole, partial = whole_types(functions) if functions[0].type else (functions, [])
-    warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
-    model = fragility_model(whole, file.stem, states)
-    write_files({file: model}, overwrite=overwrite)
-
-
-def _count(functions: Sequence[Fragility], by: str) -> str:
-    """How many functions of how many types or buildings, and by which fits."""
-    types = dict.fromkeys(function.type for function in functions)
-    fits = " and ".join(dict.fromkeys(function.fit for function in functions))
-    return f"{how_many(len(functions), 'function')} of {how_many(len(types), by)}: {fits}."
+        types = dict.fromkeys(function.type for function in functions)
+        fits = " and ".join(dict.fromkeys(function.fit for function in functions))
+        say(f"{how_many(len(functions), 'function')} of {how_many(len(types), by)}: {fits}.")
+    else:
+        say(*map(_words, functions))
+    warn(*map(str, result.failures))
 
 
 def _words(function: Fragility) -> str:

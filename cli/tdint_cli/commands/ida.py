@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,10 +24,7 @@ from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.ida import IdaSettings, IdaStudy
-    from tdint.campaign.ida_curve import Mainshock
-    from tdint.campaign.intensity import IntensityMeasure
     from tdint.files import Content
-    from tdint.model.definition import Model
     from tdint.units import OutputUnits, Units
     from tdint.written_numbers import Grid
 
@@ -158,17 +156,26 @@ def command(request: IdaRequest) -> None:
     CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
     drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
     """
+    from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
+    from tdint.campaign.ida_curve import Mainshock
+    from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
     folder = _folder(request)
     model = load_model(request.model)
     units = request.output_units or model.output_units
-    measure = _measure(request, model)
+    # The intensity measure: a spectral one at a period, the building's first by default
+    spectral = request.im.startswith("sa")
+    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
+    measure = options.studies.measure(request.im, period, request.damping, request.average)
+    largest = request.max_im
+    if largest and (largest.quantity == "velocity") != (measure.unit == "m/s"):
+        raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")
     settings = IdaSettings(
         precision=request.precision,
         collapse_drift=request.collapse_drift,
-        max_im=_largest(request, measure),
+        max_im=largest.scale if largest else math.inf,
         dt=request.dt,
         duration=request.duration,
         until_rest=request.until_rest,
@@ -176,6 +183,13 @@ def command(request: IdaRequest) -> None:
         thresholds=request.threshold or None,
     )
     suite = read_suite(request.records, request.choice, request.pairs)
+    # What damages the building before, if anything does
+    mainshock = None
+    if request.after is not None and request.damage:
+        before = read_suite([request.after], request.choice, None)
+        if before.failures:
+            raise before.failures[0]
+        mainshock = Mainshock(tuple(before.records), request.damage)
     with progress_bar(request.output is None) as tell:
         study = ida(
             model,
@@ -187,7 +201,7 @@ def command(request: IdaRequest) -> None:
             jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
-            mainshock=_mainshock(request),
+            mainshock=mainshock,
         )
     if folder is None:
         emit_table(tables.studies.capacity_table(study.in_units(units)))
@@ -195,18 +209,6 @@ def command(request: IdaRequest) -> None:
     _report(study.in_units(units), request.precision)
     if suite.failures:
         raise Failures(suite.failures)
-
-
-def _mainshock(request: IdaRequest) -> Mainshock | None:
-    """What damages the building before, if anything does."""
-    from tdint.campaign.ida_curve import Mainshock
-
-    if request.after is None or not request.damage:
-        return None
-    suite = read_suite([request.after], request.choice, None)
-    if suite.failures:
-        raise suite.failures[0]
-    return Mainshock(tuple(suite.records), request.damage)
 
 
 def _folder(request: IdaRequest) -> Path | None:
@@ -236,27 +238,6 @@ def _folder(request: IdaRequest) -> Path | None:
         with open_written(begun) as store:
             store.refuse_foreign(outputs)
     return folder
-
-
-def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
-    """The intensity measure that is asked for."""
-    from tdint.analysis.spectra.elastic import first_mode
-    from tdint.model.building import assemble
-
-    spectral = request.im.startswith("sa")
-    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
-    return options.studies.measure(request.im, period, request.damping, request.average)
-
-
-def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
-    """The largest intensity in the measure's unit, inf if none is asked for."""
-    import math
-
-    if request.max_im is None:
-        return math.inf
-    if (request.max_im.quantity == "velocity") != (measure.unit == "m/s"):
-        raise UsageError(f"--max-im {request.max_im.text}: {measure.name} is in {measure.unit}")
-    return request.max_im.scale
 
 
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
@@ -306,7 +287,11 @@ def _report(study: IdaStudy, precision: float) -> None:
     elif study.resumed:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
     note(*study.remarks)
-    say(_words(study, len(runs)))
+    records = how_many(len(study.states[0].curves), "record")
+    say(
+        f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.", *map(_median, study.states)
+    )
+    # Runs without a result of their first step, and buildings that stand again above a collapse
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one")
@@ -316,6 +301,7 @@ def _report(study: IdaStudy, precision: float) -> None:
             f"the building stands again at a level tried above its first collapse under {again} of {len(study.curves)} "
             "records"
         )
+    # What the capacities must not be taken for
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
@@ -328,12 +314,6 @@ def _report(study: IdaStudy, precision: float) -> None:
         warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
 
 
-def _words(study: IdaStudy, runs: int) -> str:
-    records = how_many(len(study.states[0].curves), "record")
-    text = f"{study.model.name}: {records}, {how_many(runs, 'run')} with {study.method}."
-    return "\n".join([text, *map(_median, study.states)])
-
-
 def _median(study: IdaStudy) -> str:
     """The median capacity of a state."""
     import numpy as np
@@ -343,9 +323,9 @@ def _median(study: IdaStudy) -> str:
     count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
     low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     censored = sum(curve.collapse.censored for curve in study.curves)
-    known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
+    capacity = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
     state = f", damaged to {100.0 * damage:g} %" if damage else ""
-    text = f"Median capacity against collapse{state}: {known}"
+    text = f"Median capacity against collapse{state}: {capacity}"
     if count > 1 and low == low and high == high:
         text += (
             f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"

@@ -105,6 +105,7 @@ def command(request: Request) -> None:
     picture shows the first components. A record that fails does not keep the others from being done.
     """
     from tdint.ground_motion.reading.suites import records_of
+    from tdint.output.summary import table_summary
 
     sources = records_of(request.records, request.layout)
     outputs = request.outputs
@@ -123,35 +124,23 @@ def command(request: Request) -> None:
                 products.append(outcome)
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
+    # One table and one picture of all components; the picture has no room for more than the first ones.
+    infos = [info for product in products for info in product.infos]
     if products:
         notes |= dict.fromkeys(_export(request, products))
-        _deliver(request, products)
+        records = [record for product in products for record in product.records]
+        table = replace(products[0].table, rows=[row for product in products for row in product.table.rows])
+        outputs.deliver(
+            table,
+            lambda: figures.comparison.info_picture(infos, outputs.shown_units),
+            lambda: table_summary("info", request.settings, records, table.meanings),
+        )
     warn(*warnings)
-    if outputs.picture and (left_out := _undrawn(products)):
+    if outputs.picture and (left_out := len(infos) - figures.comparison.MOST_RECORDS) > 0:
         note(f"the picture shows the first components and leaves out {left_out} more")
     note(*notes)
     if failures:
         raise Failures(failures)
-
-
-def _undrawn(products: Sequence[Product]) -> int:
-    """How many components the picture has no room for."""
-    return max(0, sum(len(product.infos) for product in products) - figures.comparison.MOST_RECORDS)
-
-
-def _deliver(request: Request, products: Sequence[Product]) -> None:
-    from tdint.output.summary import table_summary
-
-    rows = [row for product in products for row in product.table.rows]
-    records = [record for product in products for record in product.records]
-
-    infos = [info for product in products for info in product.infos]
-    table = replace(products[0].table, rows=rows)
-    request.outputs.deliver(
-        table,
-        lambda: figures.comparison.info_picture(infos, request.outputs.shown_units),
-        lambda: table_summary("info", request.settings, records, table.meanings),
-    )
 
 
 def _exported_files(request: Request) -> list[Path]:
@@ -209,8 +198,8 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
         units = request.outputs.shown_units
         content = table.in_units(units).csv()
     # The columns are in their units already.
-    own = {"columns": table.in_units(units).meanings}
-    summary = in_units(table_summary("info", request.settings, summaries, {}), units) | own
+    columns = {"columns": table.in_units(units).meanings}
+    summary = in_units(table_summary("info", request.settings, summaries, {}), units) | columns
     write_files({file: content, told: json_bytes(summary)}, overwrite=request.outputs.overwrite)
     return notes
 

@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Name, Written
+from tdint_cli.options.grammar import FileName, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
@@ -49,6 +49,17 @@ def _weights(text: str) -> tuple[float, ...]:
     if len(weights) > _MOST_STORIES:
         raise click.BadParameter(f"{len(weights)} floors are more than {_MOST_STORIES}")
     return tuple(weights)
+
+
+_EQUAL = Mode("without --weights and --type", frozenset(("stories", "period")))
+_WEIGHTS = Mode("with --weights", frozenset(("weights", "period")), {"stories": "there is one for each weight"})
+_CURVES = Mode("with --from-pushover", frozenset({"weights"}), {"period": "the curves give the stiffness"})
+_TYPE = Mode(
+    "with --type",
+    frozenset({"stories"}),
+    {"weights": "the rules of the type give the masses", "period": "the rules of the type give the period"},
+)
+MODES = (_EQUAL, _WEIGHTS, _CURVES, _TYPE)
 
 
 @options.request
@@ -173,17 +184,14 @@ def _check(request: Request) -> None:
         raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
     if request.motion and request.file == "-":
         raise UsageError("--motion is a file beside the model's; give that a name")
-    if request.from_pushover and request.period is not None:
-        raise UsageError("--period and --from-pushover exclude each other: the curves give the stiffness")
     if request.structure is None:
+        of_weights = _CURVES if request.from_pushover else _WEIGHTS
+        refuse_idle(of_weights if request.weights else _EQUAL, MODES)
         return
-    if request.weights is not None:
-        raise UsageError("--weights and --type exclude each other: the rules of the type give the masses")
+    refuse_idle(_TYPE, MODES)
     structures = _structures()
     if request.structure not in structures:
         raise UsageError(f"unknown type {request.structure!r}; known: {', '.join(structures)}")
-    if request.period is not None:
-        raise UsageError("--period and --type exclude each other: the rules of the type give the period")
     if request.year is None or request.area is None:
         raise UsageError("--type needs --year and --area, such as --type C1 --year 1985 --area 600")
 

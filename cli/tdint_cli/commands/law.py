@@ -11,14 +11,19 @@ from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, drift_size
+from tdint_cli.options.grammar import FileName, Mode, drift_size, refuse_idle
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tdint.analysis.static import Cycle, CyclicTest
     from tdint.units import DriftSize, OutputUnits
 
+_CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
+_PATH = Mode("with --path, which has every drift")
+MODES = (_CYCLES, _PATH)
 _POINTS = 200  # of an excursion: loops are smooth in print
 
 
@@ -93,12 +98,9 @@ def command(request: Request) -> None:
     """
     if request.path is None and not request.drifts:
         raise UsageError("no drift: give --drift, or a path of drifts by --path")
-    if request.path is not None:
-        for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
-            if given:
-                raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
-        if request.path == request.model == "-":
-            raise UsageError("standard input already holds the model; give the path as a file")
+    refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
+    if request.path == request.model == "-":
+        raise UsageError("standard input already holds the model; give the path as a file")
     from tdint.analysis.static import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 
@@ -113,35 +115,14 @@ def command(request: Request) -> None:
     outputs = request.outputs.else_in(building.output_units)
     shown = outputs.shown_units
     outputs.deliver(tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, shown))
-    say(_paragraph(test, shown))
-    if request.path is None:
-        say_table([_header(shown), *(_row(test, cycle, shown) for cycle in test.cycles[each - 1 :: each])])
-    else:
-        say(_ends(test, shown))
+    _report(test, test.cycles[each - 1 :: each] if request.path is None else (), shown)
 
 
-def _ends(test: CyclicTest, units: OutputUnits) -> str:
-    """Extremes of a path in a line."""
-    path = test.path
-    return (
-        f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
-        f"{units.text(path.drift.max(), 'm')}, forces from {units.of(path.shear.min(), 'N'):.4g} to "
-        f"{units.text(path.shear.max(), 'N')}, {units.text(path.dissipated[-1], 'J')} dissipated."
-    )
-
-
-def _header(units: OutputUnits) -> tuple[str, ...]:
-    length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
-    return (
-        "cycle", f"drift ({length})", "ratio", "ductility", f"force + ({force})", f"force - ({force})",
-        f"secant ({slope})", f"dissipated ({energy})", "damping ratio",
-    )  # fmt: skip
-
-
-def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
-    """The law and what the model says of it, in a sentence or two."""
+def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> None:
+    """Say what was tested, and what came of these cycles, or without any of the path."""
     from tdint.model.definition import LAWS
 
+    # The law and what the model says of it
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
     if not math.isnan(test.yield_drift):
@@ -150,17 +131,30 @@ def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
         text += f" (drift ratio {test.yield_drift / test.height:.4g})"
     if test.geometric_stiffness:
         text += f", geometric stiffness of P-delta {units.text(test.geometric_stiffness, 'N/m')}"
-    return text + "."
-
-
-def _row(test: CyclicTest, cycle: Cycle, units: OutputUnits) -> tuple[str, ...]:
-    numbers = (
-        units.of(cycle.amplitude, "m"),
-        cycle.amplitude / test.height,
-        cycle.amplitude / test.yield_drift,
-        *(units.of(shear, "N") for shear in cycle.shear),
-        units.of(cycle.secant_stiffness, "N/m"),
-        units.of(cycle.dissipated, "J"),
-        cycle.damping_ratio,
-    )
-    return (str(cycle.number), *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers))
+    say(f"{text}.")
+    # A path has no cycles: its extremes
+    if not cycles:
+        path = test.path
+        say(
+            f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
+            f"{units.text(path.drift.max(), 'm')}, forces from {units.of(path.shear.min(), 'N'):.4g} to "
+            f"{units.text(path.shear.max(), 'N')}, {units.text(path.dissipated[-1], 'J')} dissipated."
+        )
+        return
+    length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
+    rows: list[tuple[str, ...]] = [(
+        "cycle", f"drift ({length})", "ratio", "ductility", f"force + ({force})", f"force - ({force})",
+        f"secant ({slope})", f"dissipated ({energy})", "damping ratio",
+    )]  # fmt: skip
+    for cycle in cycles:
+        numbers = (
+            units.of(cycle.amplitude, "m"),
+            cycle.amplitude / test.height,
+            cycle.amplitude / test.yield_drift,
+            *(units.of(shear, "N") for shear in cycle.shear),
+            units.of(cycle.secant_stiffness, "N/m"),
+            units.of(cycle.dissipated, "J"),
+            cycle.damping_ratio,
+        )
+        rows.append((str(cycle.number), *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers)))
+    say_table(rows)

@@ -28,7 +28,7 @@ from tdint_cli.batch.campaigns import (
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import BESIDE, FileName, Number, Ratio
+from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.terminal import Failures, note, say
@@ -36,7 +36,6 @@ from tdint_cli.terminal import Failures, note, say
 if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
     from tdint.files import Content
-    from tdint.ground_motion.reading.suites import SuiteMotion
     from tdint.model.definition import Model
 
 
@@ -45,6 +44,25 @@ if TYPE_CHECKING:
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
+
+
+_OF_ONE = ("history", "every", "tolerance", "allow_unstable", "export_floors")
+SINGLE = Mode(
+    "with a single run",
+    frozenset((*_OF_ONE, "duration")),
+    {"limit": "it is for the mean over several records; the drifts of one are in its table"},
+)
+SEQUENCE = Mode(
+    "with --sequence",
+    frozenset(_OF_ONE),
+    {"duration": "it has all of each record, and --rest is the time between", "factors": "give them by --scale"},
+)
+SEVERAL = Mode(
+    "with several runs",
+    frozenset(("duration", "limit", "factors")),
+    dict.fromkeys(_OF_ONE, "it is for one record and one scale: call it once for each"),
+)
+MODES = (SINGLE, SEQUENCE, SEVERAL)
 
 
 @options.request
@@ -131,21 +149,6 @@ class Request(BuildingRequest, SuiteRequest):
         "it.",
     )
 
-    def refuse_of_one(self) -> None:
-        """Raise UsageError for options of a single run.
-
-        Raises
-        ------
-        UsageError
-            One of them is given.
-        """
-        for name in ("history", "tolerance", "allow_unstable", "export_floors"):
-            if getattr(self, name):
-                raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
-        if self.every > 1:
-            raise UsageError("--every is for one record and one scale; call it once for each")
-        self.of_floors.check(self.output)
-
     def check_sequence(self) -> None:
         """Refuse what a sequence cannot have."""
         count, factors = len(self.shocks), len(self.scale or (1.0,))
@@ -155,17 +158,10 @@ class Request(BuildingRequest, SuiteRequest):
             raise UsageError("the records of a sequence are files, not standard input")
         if factors not in (1, count):
             raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
-        for name in ("duration", "factors"):
-            if getattr(self, name) is not None:
-                raise UsageError(
-                    f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
-                )
 
     def check_files(self) -> None:
         """Refuse, before any work, what can be seen to fail."""
         history = self.history_file
-        if self.limit is not None:
-            raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
         self.of_floors.check(self.output, self.export_floors)
         check_motion(replace(self, scale=None) if self.sequence else self)
         picture = self.picture_file
@@ -289,15 +285,15 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
             request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
         ),
     )
-    motions = read_motions(record_files) if records else FoundMotions(_motions_of_model(request, model))
+    if records:
+        motions = read_motions(record_files)
+    else:
+        from tdint.analysis.run.run import model_record
+        from tdint.ground_motion.reading.suites import suite_motions
+
+        # The model's own record, unscaled: the levels are those of --scale.
+        record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+        if record is None:
+            raise UsageError("--scale needs a record, the model has none: add a RECORD")
+        motions = FoundMotions(suite_motions([record]))
     return make_plan(campaign, Inputs((model,), motions=motions, factors=table))
-
-
-def _motions_of_model(request: Request, model: Model) -> tuple[SuiteMotion, ...]:
-    from tdint.analysis.run.run import model_record
-    from tdint.ground_motion.reading.suites import suite_motions
-
-    record = model_record(with_motion(model, replace(request, scale=(1.0,))))
-    if record is None:
-        raise UsageError("--scale needs a record, the model has none: add a RECORD")
-    return suite_motions([record])

@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint_cli import options
+from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint_cli.options.output import Outputs
+
+
+MODES = (_OF_BUILDING := Mode("without --target", frozenset({"shapes"})), _PEAKS := Mode("with --target"))
 
 
 @options.command(
@@ -42,14 +45,13 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     model file, - is standard input. With --target one row per story: drifts, shears and displacements of the linear
     building under a design spectrum, modal peaks combined by SRSS and CQC.
     """
+    refuse_idle(_OF_BUILDING if target is None else _PEAKS, MODES)
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
     loaded = load_model(model)
     outputs = outputs.else_in(loaded.output_units)
     if target is not None:
-        if shapes:
-            raise UsageError("--shapes has nothing to act on with --target")
         _peaks(loaded, target, outputs)
         return
     building = assemble(loaded)

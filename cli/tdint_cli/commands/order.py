@@ -16,8 +16,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note
 
 if TYPE_CHECKING:
-    from tdint.analysis.assessment.order import ObservedOrder, OrderProblem
-    from tdint.methods.method import Integrator
+    from tdint.analysis.assessment.order import ObservedOrder
 
 _RATIOS = Grid(0.2, 5.0, 15)
 
@@ -79,27 +78,14 @@ def command(
     from step to step, empty for one that carries none and with --stride. Without a frequency of the load there is one
     row per method.
     """
-    from tdint.analysis.assessment.order import order_problem
+    from tdint.analysis.assessment.order import observed_order, order_problem
 
     ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()] if load == "harmonic" else [math.nan]
     integrators = options.analysis.integrators(methods)
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
     if not problems[0].building.linear:
         integrators = options.analysis.for_nonlinear(integrators, law)
-    measured, failures = _measure(integrators, problems)
-    if measured:
-        outputs.deliver(tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured))
-        _say_roundings(measured)
-    if failures:
-        raise Failures(failures)
-
-
-def _measure(
-    integrators: list[Integrator], problems: list[OrderProblem]
-) -> tuple[list[ObservedOrder], list[TdintError]]:
-    """All orders; a method that fails does not keep the others from being measured."""
-    from tdint.analysis.assessment.order import observed_order
-
+    # A method that fails does not keep the others from being measured.
     measured: list[ObservedOrder] = []
     failures: list[TdintError] = []
     for integrator in integrators:
@@ -107,9 +93,9 @@ def _measure(
             measured += [observed_order(integrator, problem) for problem in problems]
         except AnalysisError as error:
             failures.append(error)
-    return measured, failures
-
-
-def _say_roundings(measured: list[ObservedOrder]) -> None:
-    exact = dict.fromkeys(order.method for order in measured if math.isnan(order.order("displacement")))
-    note(*(f"{method} has no order here: its errors are rounding" for method in exact))
+    if measured:
+        outputs.deliver(tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured))
+        exact = dict.fromkeys(order.method for order in measured if math.isnan(order.order("displacement")))
+        note(*(f"{method} has no order here: its errors are rounding" for method in exact))
+    if failures:
+        raise Failures(failures)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, chdir, redirect_stdout
 from dataclasses import dataclass, field
 from itertools import islice
@@ -69,22 +69,39 @@ def command(request: Request) -> None:
     """
     told = _Told.read(request.file)
     folder = told.folder()
-    # What is not as it was is known before the work, where it is a file.
-    others = _other_files(told.inputs, folder)
+    # Files that are not what they were are known before the work; what lies in an archive, and standard input, after.
+    digests = {name: digest_of(folder / name) for name in told.inputs if name != STDIN and is_file(folder / name)}
+    others = {
+        name: _otherwise(name, told.inputs[name], now) for name, now in digests.items() if now != told.inputs[name]
+    }
     _judge_inputs(others, request.changed)
     with ExitStack() as stack:
-        place = _place(request.output, stack)
+        # What the command writes now goes into the folder of -o, or into one that goes in the end.
+        if request.output is None:
+            place = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
+        else:
+            place = Path(request.output).absolute()
+            if place.exists() and (not place.is_dir() or any(place.iterdir())):
+                raise OutputError(f"{request.output}: is there and not an empty folder; name a new one")
         moved = _Elsewhere(place, told, folder)
         code = _carry_out(told, folder, moved)
-        # What came of it, from what
         if not moved.summary.is_file():
-            _refuse_renamed(told, code)
+            if not code:
+                raise UsageError(
+                    f"{told.file}: the command writes no file of this name; give it back the one that it had"
+                )
             raise click.exceptions.Exit(code)
-        now = _Told.read(str(moved.summary))
-        later = _other_digests(told, now)
-        _judge_inputs({name: later[name] for name in later if name not in others}, request.changed)
-        _tell_versions(told.versions, now.versions)
-        same = _compare(told, now, moved)
+        # Inputs and plug-ins that are others, or that one of both runs alone has read
+        again = _Told.read(str(moved.summary))
+        then, today = ({**run.inputs, **run.plugins} for run in (told, again))
+        names = sorted(name for name in {*then, *today} - {*others} if then.get(name) != today.get(name))
+        _judge_inputs({name: _otherwise(name, then.get(name), today.get(name)) for name in names}, request.changed)
+        # The version of tdint tells of its sources, too.
+        for name in dict.fromkeys((*told.versions, *again.versions)):
+            before, now = told.versions.get(name), again.versions.get(name)
+            if name != "sources" and before != now:
+                note(f"{name} {before or 'none'} then, {now or 'none'} now")
+        same = _compare(told, again, moved)
     if not same:
         raise AnalysisError(f"{told.file}: what it was written beside is not what comes of it now")
 
@@ -143,7 +160,7 @@ class _Told:
         if not content:
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
         arguments = content.get("arguments")
-        if not isinstance(arguments, list) or not arguments or not all(isinstance(one, str) for one in arguments):
+        if not isinstance(arguments, list) or not arguments or not all(isinstance(word, str) for word in arguments):
             raise UsageError(
                 f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
             )
@@ -158,7 +175,7 @@ class _Told:
         at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
         name = arguments[at] if at < len(arguments) else ""
         command = group.get_command(context, name)
-        named = next((one for one in command.params if one.name == "output"), None) if command else None
+        named = next((item for item in command.params if item.name == "output"), None) if command else None
         if command is None or named is None or name == "rerun":
             raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
         flags = {flag for parameter in command.params for flag in parameter.opts}
@@ -173,7 +190,7 @@ class _Told:
         only = isinstance(named.type, FileName) and named.type.kind == "dir"
         is_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
         try:
-            inputs = {str(one["file"]): str(one["sha256"]) for one in content.get("inputs", ())}
+            inputs = {str(source["file"]): str(source["sha256"]) for source in content.get("inputs", ())}
             versions = dict(content.get("versions", {}))
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
@@ -207,7 +224,7 @@ class _Told:
 
 def _is_there(folder: Path, name: str) -> bool:
     """Whether a file, or the archive that it lies in, is there; of standard input nobody knows."""
-    return name == STDIN or any(is_file(one) for one in (folder / name, *(folder / name).parents))
+    return name == STDIN or any(map(is_file, (folder / name, *(folder / name).parents)))
 
 
 @dataclass
@@ -224,8 +241,8 @@ class _Elsewhere:
         """The name for one that was typed: that of -o in the new place, others in folders of their own there."""
         end = os.sep if folder else ""
         if parameter == "output":
-            own = self.place / _last(name)
-            return name if Path(name) == own else f"{own}{os.sep if self.told.is_folder else ''}"
+            instead = self.place / _last(name)
+            return name if Path(name) == instead else f"{instead}{os.sep if self.told.is_folder else ''}"
         if name not in [moved for _, moved in self.others]:  # a value may come twice, as typed and moved
             self.others.append((name, f"{self._apart / str(len(self.others)) / _last(name)}{end}"))
             return self.others[-1][1]
@@ -263,16 +280,6 @@ def _last(name: str) -> str:
     return "output" if last in ("", "..") else last
 
 
-def _place(output: str | None, stack: ExitStack) -> Path:
-    """The folder for what the command writes now: one that goes in the end, or the one of -o."""
-    if output is None:
-        return Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
-    place = Path(output).absolute()
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise OutputError(f"{output}: is there and not an empty folder; name a new one")
-    return place
-
-
 def _carry_out(told: _Told, folder: Path, moved: _Elsewhere) -> int:
     """Run the command line in its folder, its data and outputs elsewhere; its exit code."""
     settings = current()
@@ -292,12 +299,6 @@ def _carry_out(told: _Told, folder: Path, moved: _Elsewhere) -> int:
     return code
 
 
-def _refuse_renamed(told: _Told, code: int) -> None:
-    """Raise UsageError where a command that was done wrote no JSON file of this name."""
-    if not code:
-        raise UsageError(f"{told.file}: the command writes no file of this name; give it back the one that it had")
-
-
 def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
     """Refuse other inputs, or name them."""
     if others and not changed:
@@ -305,33 +306,11 @@ def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
     warn(*others.values())
 
 
-def _other_files(inputs: Mapping[str, str], folder: Path) -> dict[str, str]:
-    """What is to be said of files that are not what they were, by name; what lies in an archive, and standard input,
-    is known once it is read."""
-    files = [name for name in inputs if name != STDIN and is_file(folder / name)]
-    now = {name: digest_of(folder / name) for name in files}
-    return {name: _otherwise(name, inputs[name], now[name]) for name in files if now[name] != inputs[name]}
-
-
-def _other_digests(told: _Told, now: _Told) -> dict[str, str]:
-    """The same of all inputs and plug-ins, also of those that one of both runs has read alone."""
-    then, today = ({**one.inputs, **one.plugins} for one in (told, now))
-    names = sorted(name for name in {*then, *today} if then.get(name) != today.get(name))
-    return {name: _otherwise(name, then.get(name), today.get(name)) for name in names}
-
-
 def _otherwise(name: str, then: str | None, now: str | None) -> str:
     """What is to be said of an input that is another one."""
     if then is None or now is None:
         return f"{name}: was {'not read' if then is None else 'read'} then, and is {'' if now else 'not '}read now"
     return f"{name}: is not what was read then (SHA-256 {then[:12]}..., now {now[:12]}...)"
-
-
-def _tell_versions(then: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Name the versions that are others; that of tdint tells of its sources, too."""
-    for name in dict.fromkeys((*then, *now)):
-        if name != "sources" and then.get(name) != now.get(name):
-            note(f"{name} {then.get(name) or 'none'} then, {now.get(name) or 'none'} now")
 
 
 def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
@@ -344,11 +323,21 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
             say(f"{name}: is written now, and not there where it was then ({before})")
             same = False
             continue
-        count, examples, largest = _counted(before, file, measured)
-        say(_sentence(name, count, largest))
+        # The first differences are shown; all are counted, and the largest is told.
+        differences = tables.table.differences(before, file, but=measured)
+        examples = list(islice(differences, SHOWN))
+        count, largest = len(examples), max(examples, key=_size, default=None)
+        for difference in differences:
+            count += 1
+            largest = max(largest or difference, difference, key=_size)
+        text = f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}"
+        if largest is not None and not math.isnan(largest.relative):
+            text += f", at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
+        say(text)
         shown += examples[: SHOWN - len(shown)]
         same = same and not count
-    ends = [one.content.get("status") for one in (told, now)]
+    # A run may end otherwise with the same peaks up to there.
+    ends = [run.content.get("status") for run in (told, now)]
     if ends[0] != ends[1]:
         say(f"the run was {ends[0]} then, and is {ends[1]} now")
     elif ends[0] not in (None, "done"):
@@ -358,26 +347,6 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
     return same and ends[0] == ends[1]
 
 
-def _counted(before: Path, now: Path, measured: Collection[str]) -> tuple[int, list[Difference], Difference | None]:
-    """How many cells differ but for what is `measured`, the first of them, and the one that differs most."""
-    found = tables.table.differences(before, now, but=measured)
-    examples = list(islice(found, SHOWN))
-    count, largest = len(examples), max(examples, key=_size, default=None)
-    for one in found:
-        count += 1
-        largest = max(largest or one, one, key=_size)
-    return count, examples, largest
-
-
-def _size(one: Difference) -> float:
+def _size(difference: Difference) -> float:
     """By which differences are ranked: what is no number comes last."""
-    return -1.0 if math.isnan(one.relative) else one.relative
-
-
-def _sentence(name: str, count: int, largest: Difference | None) -> str:
-    if not count:
-        return f"{name}: the same, cell by cell"
-    text = f"{name}: {how_many(count, 'difference')}"
-    if largest is None or math.isnan(largest.relative):
-        return text
-    return f"{text}, at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
+    return -1.0 if math.isnan(difference.relative) else difference.relative

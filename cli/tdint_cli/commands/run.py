@@ -15,14 +15,25 @@ from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.commands.many_runs import ALL_FILES, STORIES, SUMMARY, Request
+from tdint_cli.commands.many_runs import (
+    ALL_FILES,
+    MODES,
+    SEQUENCE,
+    SEVERAL,
+    SINGLE,
+    STORIES,
+    SUMMARY,
+    Request,
+    run_many,
+)
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.terminal import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
-    from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
+    from tdint.analysis.run.outcome import Collapse, Response, StepChoice, StoryPeaks
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
@@ -84,17 +95,18 @@ def command(request: Request) -> None:
     if request.check is False and request.tolerance is not None:
         raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.sequence:
+        refuse_idle(SEQUENCE, MODES)
         request.check_sequence()
         _run(request)
         return
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
-        request.refuse_of_one()
-        from tdint_cli.commands.many_runs import run_many
-
+        refuse_idle(SEVERAL, MODES)
+        request.of_floors.check(request.output)
         run_many(request, named)
     else:
+        refuse_idle(SINGLE, MODES)
         _run(request)
 
 
@@ -115,7 +127,14 @@ def _run(request: Request) -> None:
         from tdint.campaign.fragility.type_states import own_type
 
         own_type(model)  # refused now, not after the run
-    shocks = _shocks(model, request)
+    # The records of a sequence, each with its factor or all with one; else that of the model, if there is one
+    factors = request.scale or (1.0,)
+    shocks = []
+    for number, file in enumerate(request.shocks):
+        scale = (factors[number if len(factors) > 1 else 0],)
+        shock = model_record(with_motion(model, replace(request, record=file, scale=scale)))
+        assert shock is not None
+        shocks.append(shock)
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
@@ -125,8 +144,16 @@ def _run(request: Request) -> None:
         response = _respond(case, shocks, request)
         record = response.record
     except FailedRun as failure:
+        from tdint.analysis.spectra.elastic import first_mode
+        from tdint.output.run_summary import failure_summary
+
+        # The summary says how far it came; nothing else is written.
         _remark(record, failure.notes)
-        _write(request, {}, _summary_of_failure(request, failure, case, inputs, began))
+        wall_time, first = time.perf_counter() - began, first_mode(case.building, case.record)
+        content = failure_summary(
+            failure, case.model, case.record, inputs, wall_time, first=first, settings=request.settings
+        )
+        _write(request, {}, content)
         raise
     emit_table(_stories(request, response))
     _write(request, *_files(request, response, case, inputs, began))
@@ -156,21 +183,6 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     # A history, which a picture draws, has rows that are equally far from each other.
     equal = bool(request.history_file or request.picture_file or request.report)
     return run_case(case, duration=request.duration, equal=equal, **settings)
-
-
-def _shocks(model: Model, request: Request) -> list[Record]:
-    """The records of a sequence, scaled; none without one."""
-    from tdint.analysis.run.run import model_record
-
-    factors = request.scale or (1.0,)
-    if len(factors) == 1:
-        factors *= len(request.shocks)
-    shocks = []
-    for file, factor in zip(request.shocks, factors, strict=False):
-        record = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
-        assert record is not None
-        shocks.append(record)
-    return shocks
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -229,9 +241,13 @@ def _files(
 
         model = response.model
         read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
+        # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
+        warnings = [_collapsed(response, response.collapse)] if response.collapse else []
+        if response.record is not None:
+            warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
         told = Told(
             said=_paragraph(response, model.page_units, page=True).splitlines(),
-            warnings=_warnings(response),
+            warnings=[*warnings, *response.warnings],
             head=request.report_head or model.page_head,
             inputs=merged_inputs(content["inputs"], read),
         )
@@ -249,27 +265,6 @@ def _thinned(response: Response) -> Response:
         return response
     pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
     return replace(response, history=History.joined(pieces))
-
-
-def _warnings(response: Response) -> list[str]:
-    """What changes the meaning of a number."""
-    warnings = [_collapsed(response, response.collapse)] if response.collapse else []
-    record = response.record
-    if record is not None:
-        warnings += [f"{record.source}: {text}" for text in record.warnings]
-    return [*warnings, *response.warnings]
-
-
-def _summary_of_failure(
-    request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
-) -> dict[str, Any]:
-    from tdint.analysis.spectra.elastic import first_mode
-    from tdint.output.run_summary import failure_summary
-
-    wall_time = time.perf_counter() - began
-    first = first_mode(case.building, case.record)
-    settings = request.settings
-    return failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
@@ -296,6 +291,9 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
     """The run in a few sentences; on a page in percent, and without what it took."""
+    from tdint.analysis.run.demands import demands
+
+    # Who, under what, how, and the largest demands
     record = response.record
     motion = "no ground motion"
     if record is not None:
@@ -303,17 +301,27 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
     cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
+    steps = f"{response.dt:.6g}" if response.step_range is None else "{:.6g} to {:.6g}".format(*response.step_range)
     lines = [
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
-        f"{response.method}: {how_many(response.steps, 'step')} of {_lengths(response)} s, "
+        f"{response.method}: {how_many(response.steps, 'step')} of {steps} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Largest {_largest(response.model, response.stories, units, page)}.",
     ]
-    lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
+    # Each shock of a sequence, and what it has left; drifts as ratios where a story has a height
+    for number, shock in enumerate(response.shocks, start=1):
+        largest = demands(shock.stories)
+        drift, left = largest.drift, largest.residual_drift_ratio
+        worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
+        if left.place is not None:
+            worst = f"ratio {largest.drift_ratio.value:.4g} in story {largest.drift_ratio.place}"
+            after = f", {left.value:.3g} left"
+        lines.append(f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{after}.")
     if response.model.damage:
         lines.append(_damage(response, units))
     if response.rest_time is not None:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
+    # How far the peaks are off, as it is estimated
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
         several = "runs" if len(check.dts) > 1 else "a run"
@@ -325,8 +333,8 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
             f"{source}."
         )
         if check.corrected is not None and check.drift_left is not None:
-            left = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
-            lines.append(f"Corrected by it{left}: largest {_largest(response.model, check.corrected, units, page)}.")
+            rest = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
+            lines.append(f"Corrected by it{rest}: largest {_largest(response.model, check.corrected, units, page)}.")
     return "\n".join(lines)
 
 
@@ -364,28 +372,6 @@ def _damage(response: Response, units: OutputUnits) -> str:
     )
     loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
     return f"Damage by {states.demand.replace('_', ' ')} {value}: {damage.state[0]} ({', '.join(shares)}){loss}."
-
-
-def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
-    """A shock of a sequence, and what it has left."""
-    from tdint.analysis.run.demands import demands
-
-    largest = demands(shock.stories)
-    drift, left = largest.drift, largest.residual_drift_ratio
-    worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
-    if left.place is not None:
-        worst, after = (
-            f"ratio {largest.drift_ratio.value:.4g} in story {largest.drift_ratio.place}",
-            f"{left.value:.3g} left",
-        )
-    return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
-
-
-def _lengths(response: Response) -> str:
-    """How long the steps are, s."""
-    if response.step_range is None:
-        return f"{response.dt:.6g}"
-    return "{:.6g} to {:.6g}".format(*response.step_range)
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,6 @@ from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.scaling import Scaling
-    from tdint.ground_motion.reading.suites import GroundMotion
     from tdint.units import OutputUnits, Units
     from tdint.written_numbers import Grid
 
@@ -210,7 +210,9 @@ def command(request: ScaleRequest) -> None:
     if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
     scaling = aim(suite.motions)
-    _check_factors(request, scaling)
+    if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
+        named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
+        raise AnalysisError(f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite")
     table = tables.studies.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
@@ -246,12 +248,16 @@ def _aim(request: ScaleRequest) -> Any:
     from tdint.written_numbers import Grid
 
     target = read_target(request.target)
+    # The periods over which the target is met
     if request.range is not None:
         grid = request.range
     elif request.at is not None:
         grid = Grid(0.2 * request.at, 2.0 * request.at, 100)
     elif request.building:
-        first = _first_periods(request.building)
+        from tdint.model.building import assemble
+        from tdint.model.config.model_file import load_model
+
+        first = [math.tau / assemble(load_model(file)).first_mode()[0] for file in request.building]
         grid = Grid(0.2 * min(first), 2.0 * max(first), 100)
     else:
         grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
@@ -267,26 +273,6 @@ def _aim(request: ScaleRequest) -> Any:
     pair = request.pair
     scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
     return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
-
-
-def _first_periods(files: tuple[str, ...]) -> list[float]:
-    """The first periods of buildings, s."""
-    from math import tau
-
-    from tdint.model.building import assemble
-    from tdint.model.config.model_file import load_model
-
-    return [tau / assemble(load_model(file)).first_mode()[0] for file in files]
-
-
-def _check_factors(request: ScaleRequest, scaling: Scaling) -> None:
-    """Raise AnalysisError for motions that need a larger factor than is allowed."""
-    if request.max_factor is None:
-        return
-    larger = scaling.beyond(0.0, request.max_factor)
-    if larger:
-        named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
-        raise AnalysisError(f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite")
 
 
 def _doubts(scaling: Scaling) -> list[str]:
@@ -325,10 +311,10 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     """What was scaled to what, and the factors."""
     import numpy as np
 
+    from tdint.ground_motion.record import Record
+
     factors = scaling.factors
-    count = len(factors)
-    kind = "record" if _single(scaling.motions[0]) else "pair"
-    text = how_many(count, kind)
+    text = how_many(len(factors), "record" if isinstance(scaling.motions[0], Record) else "pair")
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:
@@ -342,9 +328,3 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
         text += f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, at {period:.4g} s."
     return text
-
-
-def _single(motion: GroundMotion) -> bool:
-    from tdint.ground_motion.record import Record
-
-    return isinstance(motion, Record)

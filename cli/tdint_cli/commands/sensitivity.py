@@ -14,9 +14,9 @@ from tdint.output import figures
 from tdint.system import processors
 from tdint.written_numbers import how_many, parse_ratio
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName
+from tdint_cli.options.grammar import FileName, Mode, refuse_idle
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import Failures, note, say
 
 
@@ -43,6 +43,11 @@ class Request(RecordsRequest):
     ranges: dict[str, tuple[float, float]]
     method: str | None
     dt: float | None
+
+
+_MODEL = Mode("with a model", NAMES | {"records", "ranges", "method", "dt", "plot", "output_units"})
+_CAMPAIGN = Mode("with the folder of a campaign, which has its records and its sweep")
+MODES = (_MODEL, _CAMPAIGN)
 
 
 @options.command(
@@ -78,26 +83,21 @@ def command(building: str, outputs: Outputs, **given: Any) -> None:
     """
     request = Request(**given)
     if Path(building).is_dir():
-        if request.records or request.ranges or outputs.picture:
-            raise UsageError("a campaign has its records and its sweep: leave out RECORD, --vary and --plot")
-        _ranks(building, outputs)
+        refuse_idle(_CAMPAIGN, MODES)
+        from tdint.campaign.sensitivity import rank_correlations
+        from tdint.campaign.store import check_chunks, open_existing
+        from tdint.output.tables.studies import CORRELATIONS
+        from tdint.output.tables.table import Table
+
+        with open_existing(Path(building)) as store:
+            check_chunks(store)
+            note_input(store.name, lambda: digest_of(Path(store.name)))
+            correlations = rank_correlations(store)
+        outputs.deliver(Table.of_results(CORRELATIONS, correlations))
         return
     if not request.records or not request.ranges:
         raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
     _one_at_a_time(building, request, outputs)
-
-
-def _ranks(building: str, outputs: Outputs) -> None:
-    from tdint.campaign.sensitivity import rank_correlations
-    from tdint.campaign.store import check_chunks, open_existing
-    from tdint.output.tables.studies import CORRELATIONS
-    from tdint.output.tables.table import Table
-
-    with open_existing(Path(building)) as store:
-        check_chunks(store)
-        note_input(store.name, lambda: digest_of(Path(store.name)))
-        correlations = rank_correlations(store)
-    outputs.deliver(Table.of_results(CORRELATIONS, correlations))
 
 
 def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:

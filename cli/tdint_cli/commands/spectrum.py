@@ -10,8 +10,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import click
-
 from tdint.analysis.defaults import PERIODS
 from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
@@ -19,8 +17,9 @@ from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.commands import spectrum_kinds as kinds
-from tdint_cli.commands.spectrum_kinds import AXES, Kind, SpectrumRequest, TablesRequest
+from tdint_cli.commands.spectrum_kinds import AXES, MODES, Kind, SpectrumRequest, TablesRequest
 from tdint_cli.drawing import reading_width, table_bytes
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
 from tdint_cli.options.record import notes_of_components
 from tdint_cli.terminal import Failures, emit, note, warn
@@ -92,7 +91,17 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     request.check_plot()
     _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
     sources = records_of(request.records, request.layout)
-    tasks = _tasks(request, kind.gather(request, sources.files))
+    # What to do for the files of each record, after it is clear that its outputs can be written
+    files_of = kind.gather(request, sources.files)
+    output = Path(request.output) if request.output else None
+    if output and request.is_folder:
+        own_tables: list[Path | None] = [*tables_of([files[0] for files in files_of], output)]
+        tables = own_tables
+    else:
+        own_tables, tables = [None] * len(files_of), [output]
+    written = [file for table in tables for file in _outputs(request, table).files]
+    check_outputs(written, overwrite=request.overwrite)
+    tasks = [Task(files[0], table, files[1:]) for files, table in zip(files_of, own_tables, strict=True)]
     messages = _Messages(dict.fromkeys(sources.notes), list(sources.failures))
     together: list[RecordTable] = []
     to_terminal = request.output is None
@@ -114,7 +123,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
                 emit(outcome.text if header or width else _without_header(outcome.text))
                 header = False
     if together:
-        _write(request, kind, Path(request.output) if request.output else None, together)
+        _write(request, kind, output, together)
     remark = kind.remark(request, messages.longest_interval)
     warn(*messages.warnings)
     note(*filter(None, (*messages.notes, remark)))
@@ -122,16 +131,6 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
         from tdint.ground_motion.horizontals import told_once
 
         raise Failures(told_once(messages.failures))
-
-
-def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[Task]:
-    """What to do for the files of each record, after it is clear that its outputs can be written."""
-    output = Path(request.output) if request.output else None
-    tables = tables_of([files[0] for files in records], output) if output and request.is_folder else [output]
-    own_tables = tables if request.is_folder else [None] * len(records)
-    files = [file for table in tables for file in _outputs(request, table).files]
-    check_outputs(files, overwrite=request.overwrite)
-    return [Task(files[0], table, files[1:]) for files, table in zip(records, own_tables, strict=True)]
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
@@ -181,7 +180,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
         of_table = {"columns": summary["columns"]}
-        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, own=of_table)
+        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, converted=of_table)
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
@@ -217,9 +216,6 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
 
 
 # ---- Spectrum
-
-_NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "axes", "against", "component", "units")
-"""Options that a target alone does not take."""
 
 
 @options.command(
@@ -263,20 +259,17 @@ def command(request: SpectrumRequest) -> None:
     if not request.records:
         _write_target(request)
         return
-    make_tables(request, _kind(request))
-
-
-def _kind(request: SpectrumRequest) -> Kind:
-    """The kind of spectra that is asked for."""
-    if request.fourier:
-        return kinds.Fourier()
-    if request.against:
-        return kinds.Against()
-    if request.ductility or request.strength:
-        return kinds.Inelastic()
-    if request.oscillator:
-        return kinds.Histories()
-    return kinds.Rotated() if request.rotd else kinds.Elastic()
+    # The first that is asked for; options of the others are refused.
+    choices: tuple[tuple[Any, type[Kind]], ...] = (
+        (request.fourier, kinds.Fourier),
+        (request.against, kinds.Against),
+        (request.ductility or request.strength, kinds.Inelastic),
+        (request.oscillator, kinds.Histories),
+        (request.rotd, kinds.Rotated),
+    )
+    kind = next((asked_for for is_asked, asked_for in choices if is_asked), kinds.Elastic)()
+    refuse_idle(kind.mode, MODES)
+    make_tables(request, kind)
 
 
 def _write_target(request: SpectrumRequest) -> None:
@@ -292,11 +285,7 @@ def _write_target(request: SpectrumRequest) -> None:
     target = request.aim
     if target is None:
         raise UsageError("Missing argument 'RECORD...'. Without one, --target makes a table.")
-    request.refuse((*_NOT, "inventory"), "is for records, and there is none")
-    if request.fourier:
-        raise UsageError("--fourier is for records, and there is none")
-    if click.get_current_context().get_parameter_source("damping") == click.core.ParameterSource.COMMANDLINE:
-        raise UsageError("--damping is for records; a design spectrum takes it by name: ec8:...,damping=2%")
+    refuse_idle(kinds.TARGET, MODES)
     if request.is_folder:
         raise UsageError("-o is the file of one table here, not a folder")
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)

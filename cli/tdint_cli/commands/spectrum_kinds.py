@@ -15,8 +15,8 @@ from tdint.output import figures, tables
 from tdint.written_numbers import Grid, parse_grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import BESIDE, FileName, Number, Ratio, pair_names
-from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio, pair_names
+from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ class Kind:
 
     command = "spectrum"
     default_periods = PERIODS
+    mode = Mode("")
 
     def check(self, request: Any) -> None:
         """Refuse, before any work, a request that makes no sense (UsageError)."""
@@ -311,22 +312,20 @@ class SpectrumRequest(TablesRequest):
         """What was chosen by name and therefore has a column."""
         return tuple(name for name in ("maxima", "interpolation") if getattr(self, name) is not None)
 
-    def refuse(self, options: tuple[str, ...], reason: str) -> None:
-        """Raise UsageError for one of these options if it is given."""
-        for name in options:
-            if getattr(self, name) is not None:
-                raise UsageError(f"--{name} {reason}")
-
 
 # ---- Spectrum kinds
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_OF_PERIODS = (
-    *("axes", "rotd", "ductility", "strength", "oscillator", "method", "maxima", "interpolation", "target", "against"),
-    *("periods", "period"),
+_PERIODS = NAMES | {"damping", "periods", "period", "plot"}
+"""What all spectra of records over the period take."""
+
+TARGET = Mode(
+    "without RECORD",
+    frozenset(("target", "periods", "period", "plot")),
+    {"damping": "a design spectrum takes it by name: ec8:...,damping=2%"},
 )
-"""Options of spectra over the period."""
+"""A target spectrum alone."""
 
 
 class _OfOscillators(Kind):
@@ -334,11 +333,31 @@ class _OfOscillators(Kind):
 
     def remark(self, request: SpectrumRequest, interval: float) -> str:
         """What a person should know of the periods."""
-        return "; ".join(filter(None, (_between_samples(request, interval), _between_periods(request))))
+        periods = request.chosen_periods(PERIODS)
+        remarks: list[str] = []
+        # Periods at which the ground motion between the samples matters
+        limit = STEPS_PER_PERIOD * interval
+        if any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
+            manner = request.manner
+            remarks.append(
+                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the ground motion between "
+                f"its samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
+            )
+        # A grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio
+        if not request.period and request.periods is None:
+            apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
+            if apart > damping * (1.0 + 1e-9):
+                remarks.append(
+                    f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % damping the spectrum "
+                    "may be higher between them; --periods takes more"
+                )
+        return "; ".join(remarks)
 
 
 class Elastic(_OfOscillators):
     """Elastic spectra of single components."""
+
+    mode = Mode("with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"})
 
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
@@ -380,12 +399,12 @@ class Elastic(_OfOscillators):
 class Inelastic(_OfOscillators):
     """Inelastic spectra: oscillators with bilinear hysteresis, of given ductility or of given strength."""
 
+    mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
+
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         if request.ductility and request.strength:
             raise UsageError("--ductility and --strength are given; leave one of them out")
-        elastic = ("axes", "rotd", "method", "maxima", "interpolation", "target")
-        request.refuse(elastic, "is for elastic spectra; leave it out with --ductility and --strength")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectra of each component with each damping ratio, and ductility or strength."""
@@ -414,11 +433,7 @@ class Inelastic(_OfOscillators):
 class Fourier(Kind):
     """Fourier amplitude spectra of single components."""
 
-    def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
-        request.refuse(_OF_PERIODS, "is for response spectra; leave it out with --fourier")
-        if click.get_current_context().get_parameter_source("damping") == click.core.ParameterSource.COMMANDLINE:
-            raise UsageError("--damping is for response spectra; leave it out with --fourier")
+    mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectrum of each component."""
@@ -438,10 +453,10 @@ class Fourier(Kind):
 class Histories(Kind):
     """The motion of oscillators at the samples of single components."""
 
+    mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
+
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
-        others = ("axes", "rotd", "method", "maxima", "interpolation", "target", "plot", "periods", "period")
-        request.refuse(others, "is for spectra; leave it out with --oscillator")
         if request.history != BESIDE:
             raise UsageError(f"--history {request.history}: the table goes to -o; write -o {request.history} --history")
 
@@ -465,9 +480,10 @@ class Histories(Kind):
 class Rotated(_OfOscillators):
     """Spectra of two horizontal components together, over all directions."""
 
+    mode = Mode("with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"})
+
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
-        request.refuse(("axes", "method", "component"), "is for single components; leave it out with --rotd")
         Elastic().check(request)
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
@@ -516,13 +532,11 @@ class Rotated(_OfOscillators):
 class Against(Kind):
     """Elastic spectra beside a published one."""
 
+    mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
+
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         Elastic().check(request)
-        request.refuse(
-            ("axes", "rotd", "ductility", "strength", "target"),
-            "has no published spectrum beside it; leave --against out",
-        )
         for ratio in request.damping:
             request.published(ratio)
 
@@ -539,7 +553,17 @@ class Against(Kind):
             if not of_user:
                 of_ratio = replace(of_ratio, period=tuple(published.periods.tolist()))
             lines += differences(Elastic().compute(of_ratio, records).lines, published, log_log)
-        return Results(lines, records, [_largest(line) for line in lines])
+        notes = []
+        for line in lines:
+            if line.largest is None:
+                notes.append(f"{line.record.name}: the published spectrum is zero")
+                continue
+            difference, period = line.largest
+            notes.append(
+                f"{line.record.name}, damping {line.damping:g}: largest difference of {line.published.quantity} to "
+                f"{line.published.source} {100.0 * difference:+.3g} % at {period:.4g} s"
+            )
+        return Results(lines, records, notes)
 
     def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
         """A row for each spectrum and period."""
@@ -550,31 +574,7 @@ class Against(Kind):
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 
-def _between_periods(request: SpectrumRequest) -> str:
-    """On a grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio."""
-    if request.period or request.periods is not None:
-        return ""
-    periods = request.chosen_periods(PERIODS)
-    apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
-    if apart <= damping * (1.0 + 1e-9):
-        return ""
-    return (
-        f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % damping the spectrum may be higher "
-        "between them; --periods takes more"
-    )
-
-
-def _between_samples(request: SpectrumRequest, interval: float) -> str:
-    """On periods at which the ground motion between the samples matters."""
-    periods = request.chosen_periods(PERIODS)
-    limit = STEPS_PER_PERIOD * interval
-    if not any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
-        return ""
-    manner = request.manner
-    return (
-        f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the ground motion between its "
-        f"samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
-    )
+MODES = (TARGET, *(kind.mode for kind in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)))
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
@@ -586,14 +586,3 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
     except RecordError:
         return False  # It will be told when its turn comes.
     return sum(not is_vertical(record.component) for record in records) == 1
-
-
-def _largest(line: SpectrumDifference) -> str:
-    where = line.record.name
-    if line.largest is None:
-        return f"{where}: the published spectrum is zero"
-    difference, period = line.largest
-    return (
-        f"{where}, damping {line.damping:g}: largest difference of {line.published.quantity} to "
-        f"{line.published.source} {100.0 * difference:+.3g} % at {period:.4g} s"
-    )

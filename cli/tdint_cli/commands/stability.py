@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from tdint.analysis.defaults import BETAS
 from tdint.output import figures, tables
 from tdint.written_numbers import Grid
@@ -11,11 +9,6 @@ from tdint_cli import options
 from tdint_cli.options.grammar import grid
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say_table, warn
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from tdint.methods.method import Integrator
 
 _STEPS = Grid(0.001, 1000.0, 400)
 _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
@@ -74,7 +67,7 @@ def command(request: Request) -> None:
     """
     import numpy as np
 
-    from tdint.analysis.assessment.stability import stability
+    from tdint.analysis.assessment.stability import LARGEST, critical_step, false_limit, stability
 
     scanned = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
     integrators = options.analysis.integrators((*request.methods, *scanned))
@@ -87,23 +80,14 @@ def command(request: Request) -> None:
         tables.methods.stability_table(curves),
         lambda: figures.assessment.stability_picture(shown, band=request.beta_scan),
     )
-    _say_critical_steps(integrators, request.damping)
-
-
-def _say_critical_steps(integrators: list[Integrator], dampings: Sequence[float]) -> None:
-    from tdint.analysis.assessment.stability import LARGEST, critical_step, false_limit
-
+    # The largest stable steps; what a method declares is without damping.
     rows = [("method", "damping", "critical omega dt")]
+    none = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:
-        limits = {damping: critical_step(integrator, damping) for damping in (*dampings, 0.0)}
+        limits = {damping: critical_step(integrator, damping) for damping in (*request.damping, 0.0)}
         if text := false_limit(integrator, limits[0.0]):
             warn(text)
-        for damping in dampings:
+        for damping in request.damping:
             limit = limits[damping]
-            words = f"{limit:#.6g}" if limit < float("inf") else f"none up to omega dt {_power_of_ten(LARGEST)}"
-            rows.append((integrator.label, f"{damping:g}", words))
+            rows.append((integrator.label, f"{damping:g}", f"{limit:#.6g}" if limit < float("inf") else none))
     say_table(rows)
-
-
-def _power_of_ten(value: float) -> str:
-    return f"{value:.0e}".replace("e+0", "e")

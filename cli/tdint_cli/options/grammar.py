@@ -7,8 +7,8 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, fields, replace
-from itertools import pairwise
+from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import click
@@ -85,19 +85,19 @@ class ListOf(ValueType):
     """Values of one type with commas between them."""
 
     def __init__(self, member: ValueType) -> None:
-        self.one = member
+        self.item = member
         self.name = member.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[Any, ...]:
         if isinstance(value, tuple):
             return value
         parts = value.split(",") if isinstance(value, str) else [value]
-        return tuple(self.one.convert(part.strip() if isinstance(part, str) else part, param, ctx) for part in parts)
+        return tuple(self.item.convert(part.strip() if isinstance(part, str) else part, param, ctx) for part in parts)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Complete what stands after the last comma."""
         head, comma, last = incomplete.rpartition(",")
-        items = self.one.shell_complete(ctx, param, last)
+        items = self.item.shell_complete(ctx, param, last)
         return [CompletionItem(head + comma + item.value, type=item.type, help=item.help) for item in items]
 
 
@@ -173,9 +173,7 @@ def _span(text: str) -> tuple[float, float]:
 
 
 def _period(text: str) -> float | None:
-    if text.strip().upper() == "T1":
-        return None
-    return float(Number(0.0, min_open=True).convert(text, None, None))
+    return None if text.strip().upper() == "T1" else float(Number(0.0, min_open=True).convert(text, None, None))
 
 
 span = Written("span", _span)
@@ -397,8 +395,13 @@ def option(
     `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once
     (or, without `once`, as they are), as a tuple, or None if there is none.
     """
+
+    def joined(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
+        values = [value for values in lists for value in values]
+        return tuple(dict.fromkeys(values) if once else values) or None
+
     if many:
-        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
+        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": joined}
     return Declaration(
         click.option,
         names,
@@ -433,7 +436,7 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
         def collected(**given: Any) -> Any:
             if not among:
                 return command(kind(**given))
-            own_values = {field.name: given.pop(field.name) for field in fields(kind)}
+            own_values = {part.name: given.pop(part.name) for part in fields(kind)}
             return command(**given, **{among: kind(**own_values)})
 
         return with_options(_OPTIONS[kind], collected)
@@ -446,14 +449,6 @@ def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function
     for declared in reversed(tuple(declarations)):
         command = declared(command)
     return command
-
-
-def _each(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
-    return tuple(value for values in lists for value in values) or None
-
-
-def _each_once(ctx: click.Context, option: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> Any:
-    return tuple(dict.fromkeys(_each(ctx, option, lists) or ())) or None
 
 
 def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
@@ -475,39 +470,20 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
     return result
 
 
-_OF_THE_CALL = ("-q", "--quiet", "--debug", "--overwrite")
-_HOW_IT_IS_DONE = ("--jobs", "--max-runs", "--dask", "--tls-ca", "--tls-cert", "--tls-key")
-"""Options of which no table depends: flags, and those with a value."""
-
-
-def lasting(arguments: Sequence[str]) -> tuple[str, ...]:
-    """A command line as it was typed, without the options of which no output depends."""
-    result: list[str] = []
-    words = iter(arguments)
-    for word in words:
-        if word == "--":
-            return (*result, word, *words)
-        if word in _HOW_IT_IS_DONE:
-            next(words, None)
-        elif word not in _OF_THE_CALL and word.partition("=")[0] not in _HOW_IT_IS_DONE:
-            result.append(word)
-    return tuple(result)
-
-
 class HelpAsData(click.Command):
     """A command whose help goes where its data go, with the same errors."""
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
+
+        def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
+            if is_asked and not ctx.resilient_parsing:
+                emit(f"{ctx.get_help()}\n".encode("utf-8", "replace"))
+                ctx.exit()
+
         option = super().get_help_option(ctx)
         if option is not None:
-            option.callback = _show_help
+            option.callback = show
         return option
-
-
-def _show_help(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted and not ctx.resilient_parsing:
-        emit(f"{ctx.get_help()}\n".encode("utf-8", "replace"))
-        ctx.exit()
 
 
 COMMON, LINES = 20, 60
@@ -524,7 +500,9 @@ class Command(HelpAsData):
     def __init__(
         self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
     ) -> None:
-        settings["params"] = [*(settings.get("params") or ()), *general(), _help_all()]
+        text = "Show all options, and what the command does in detail, and exit."
+        all_help = _general(["--help-all"], _show_all, text)
+        settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
         super().__init__(name, **settings)
         self.examples = examples
         self.exits = exits or {}
@@ -537,9 +515,20 @@ class Command(HelpAsData):
             formatter.write_text(" ".join(_SENTENCE.split(" ".join((self.help or "").split()))[:2]))
         with formatter.section("Examples"):
             formatter.write("".join(f"  {example}\n" for example in self.examples))
+        # Of each option the beginning of its help, which is enough to remember it by
         common = [option for option in self.params if getattr(option, "common", False)]
+        brief: list[tuple[str, str]] = []
+        for option in sorted(common, key=lambda option: ORDER.index(getattr(option, "heading", GENERAL))):
+            record = option.get_help_record(ctx)
+            assert record is not None and isinstance(option, click.Option)
+            text, *more = _CLAUSE.split(option.help or "")
+            for clause in more:
+                if len(text) + len(clause) > _ENOUGH:
+                    break
+                text += f" {clause}"
+            brief.append((record[0], text if text.endswith(".") else f"{text.rstrip(';')}."))
         with formatter.section("Options"):
-            formatter.write_dl([_brief(option, ctx) for option in sorted(common, key=_place)])
+            formatter.write_dl(brief)
         if self.exits:
             with formatter.section("Exit codes"):
                 formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
@@ -550,7 +539,14 @@ class Command(HelpAsData):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
         flags = {name for parameter in self.params for name in parameter.opts}
-        _refuse_swallowing(self.params, flags, args)
+        # An option behind one that needs a value would be taken for the value.
+        valued = {
+            name for item in self.params if isinstance(item, click.Option) and not item.is_flag for name in item.opts
+        }
+        typed = takewhile(lambda pair: pair[0] != "--", pairwise(args))
+        for word, following in typed:
+            if word in valued and word not in _NAMES and following in flags:
+                raise UsageError(f"{word} needs a value, and {following} is an option")
         try:
             rest = super().parse_args(ctx, with_named_files(args, flags))
         except click.NoSuchOption as error:
@@ -558,8 +554,23 @@ class Command(HelpAsData):
             if now not in flags:
                 raise
             raise UsageError(f"{error.option_name} is now {now}: {now} {example}") from None
-        if not ctx.resilient_parsing:
-            _refuse_idle(ctx, self.params)
+        if ctx.resilient_parsing:
+            return rest
+        # An option without what it needs would be passed over in silence.
+        named = {name: item for item in self.params for name in (*item.opts, (item.metavar or "").strip("[]."))}
+        for option in self.params:
+            needs = getattr(option, "needs", "")
+            if not needs or not _is_given(ctx, option):
+                continue
+            words = needs.split(" or ")
+            needed, _, value = words[0].partition(" ")
+            if value:
+                is_met = ctx.params[named[needed].name or ""] in (value, *words[1:])
+            else:
+                is_met = any(_is_given(ctx, named[word]) for word in words)
+            if not is_met:
+                name = option.opts[-1]
+                raise UsageError(f"{name} has nothing to act on without {needs}; add it, or leave {name} out")
         return rest
 
     def all_help(self, ctx: click.Context) -> str:
@@ -571,16 +582,6 @@ class Command(HelpAsData):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, a section for each heading."""
         write_options(self.get_params(ctx), ctx, formatter)
-
-
-def _refuse_swallowing(options: Sequence[click.Parameter], names: Collection[str], words: Sequence[str]) -> None:
-    """Raise UsageError for an option behind one that wants a value, which click would take for the value."""
-    valued = {name for item in options if isinstance(item, click.Option) and not item.is_flag for name in item.opts}
-    for word, following in pairwise(words):
-        if word == "--":
-            return
-        if word in valued and word not in _NAMES and following in names:
-            raise UsageError(f"{word} needs a value, and {following} is an option")
 
 
 _FORMER = {
@@ -598,49 +599,11 @@ _ENOUGH = 100
 """Letters of an option's help to which another clause or sentence is still added: two lines beside its name."""
 
 
-def _place(option: click.Parameter) -> int:
-    return ORDER.index(getattr(option, "heading", GENERAL))
-
-
-def _brief(option: click.Parameter, ctx: click.Context) -> tuple[str, str]:
-    """Names and value of an option, and the beginning of its help, which is enough to remember it by."""
-    record = option.get_help_record(ctx)
-    assert record is not None and isinstance(option, click.Option)
-    text, *more = _CLAUSE.split(option.help or "")
-    for clause in more:
-        if len(text) + len(clause) > _ENOUGH:
-            break
-        text += f" {clause}"
-    return record[0], text if text.endswith(".") else f"{text.rstrip(';')}."
-
-
-def _help_all() -> click.Option:
-    """The option that shows all that `--help` leaves out."""
-
-    def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-        if wanted and not ctx.resilient_parsing:
-            assert isinstance(ctx.command, Command)
-            emit(f"{ctx.command.all_help(ctx)}\n".encode("utf-8", "replace"))
-            ctx.exit()
-
-    text = "Show all options, and what the command does in detail, and exit."
-    return HeadedOption(
-        ["--help-all"], heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=show, help=text
-    )
-
-
-def _refuse_idle(ctx: click.Context, parameters: Sequence[click.Parameter]) -> None:
-    """Raise UsageError for an option that is given without what it needs: it would be passed over in silence."""
-    named = {
-        name: parameter
-        for parameter in parameters
-        for name in (*parameter.opts, (parameter.metavar or "").strip("[]."))
-    }
-    for option in parameters:
-        needs = getattr(option, "needs", "")
-        if needs and _is_given(ctx, option) and not _is_met(ctx, needs, named):
-            name = option.opts[-1]
-            raise UsageError(f"{name} has nothing to act on without {needs}; add it, or leave {name} out")
+def _show_all(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
+    if is_asked and not ctx.resilient_parsing:
+        assert isinstance(ctx.command, Command)
+        emit(f"{ctx.command.all_help(ctx)}\n".encode("utf-8", "replace"))
+        ctx.exit()
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
@@ -649,13 +612,37 @@ def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
     return ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
 
 
-def _is_met(ctx: click.Context, needs: str, named: Mapping[str, click.Parameter]) -> bool:
-    """Whether one of the needed options is given or, where values are named, has one of them."""
-    words = needs.split(" or ")
-    name, _, value = words[0].partition(" ")
-    if value:
-        return ctx.params[named[name].name or ""] in (value, *words[1:])
-    return any(_is_given(ctx, named[word]) for word in words)
+@dataclass(frozen=True)
+class Mode:
+    """A way in which a command is used.
+
+    Attributes
+    ----------
+    words : str
+        What refusals call it, as in "--period has nothing to act on with --fourier".
+    takes : frozenset of str
+        Its options, by the names of their parameters, of those that not every mode takes.
+    advice : mapping of str to str
+        What else to do with some that it does not take; the others are to be left out.
+    """
+
+    words: str
+    takes: frozenset[str] = frozenset()
+    advice: Mapping[str, str] = field(default_factory=dict)
+
+
+def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
+    """Raise UsageError for an option that was given and has nothing to act on in this mode of the command that runs."""
+    context = click.get_current_context()
+    idle = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
+    for parameter in context.command.params:
+        if parameter.name not in idle or not _is_given(context, parameter):
+            continue
+        name = parameter.opts[-1] if isinstance(parameter, click.Option) else (parameter.metavar or "").strip("[].")
+        if parameter.secondary_opts and not context.params[parameter.name]:
+            name = parameter.secondary_opts[-1]  # --no-cache
+        advice = mode.advice.get(parameter.name, f"leave {name} out")
+        raise UsageError(f"{name} has nothing to act on {mode.words}; {advice}")
 
 
 def command(
@@ -690,10 +677,17 @@ def general() -> list[click.Parameter]:
 def _setting(names: list[str], field: str, text: str) -> HeadedOption:
     """A flag that sets a field of the settings, before or after the command's name."""
 
-    def switch(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-        if wanted:
+    def switch(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
+        if is_asked:
             setattr(ctx.ensure_object(Settings), field, True)
 
+    return _general(names, switch, text)
+
+
+def _general(
+    names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
+) -> HeadedOption:
+    """A flag that every command has, whose value nobody gets."""
     return HeadedOption(
-        names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=switch, help=text
+        names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=callback, help=text
     )

@@ -302,17 +302,18 @@ def summary_bytes(
     told: Mapping[str, Any],
     units: OutputUnits,
     keys: Mapping[str, str] = MappingProxyType({}),
-    own: Mapping[str, Any] = MappingProxyType({}),
+    converted: Mapping[str, Any] = MappingProxyType({}),
 ) -> bytes:
-    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all have), what is the
-    command's `own` and in them already, all that was read, and the command line that `tdint rerun` carries out."""
+    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all have), what is
+    `converted` to them already, all that was read, and the command line that `tdint rerun` carries out."""
     from tdint.files import READ
     from tdint.output.summary import in_units, json_bytes, merged_inputs
 
-    known = list(told.get("inputs", ()))
+    # The command names its own inputs first; what it read beside them comes behind.
+    inputs = list(told.get("inputs", ()))
     read = merged_inputs({"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items())
-    told = {**told, "inputs": [*known, *(one for one in read if one not in known)]}
-    return json_bytes({**in_units(told, units, keys), **own, "arguments": list(current().arguments)})
+    told = {**told, "inputs": [*inputs, *(source for source in read if source not in inputs)]}
+    return json_bytes({**in_units(told, units, keys), **converted, "arguments": list(current().arguments)})
 
 
 def _plain(value: Any) -> Any:

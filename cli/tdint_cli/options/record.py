@@ -174,6 +174,12 @@ _PROCESSING = (
 )
 
 
+NAMES = frozenset(("units", "component", "inventory")) | {
+    flag.removeprefix("--").replace("-", "_") for declared in (*_LAYOUT, *_PROCESSING) for flag in declared.names
+}
+"""The parameters by which a record is read and changed, but for its scale."""
+
+
 def processing(command: Function) -> Function:
     """The options that change a record; the command gets them together, as `processing`.
 

@@ -192,39 +192,39 @@ def _info(results: _Shown) -> list[RecordInfo]:
 
 
 _INFO = _Look(
-    lambda found, units: records.info_picture(_info(found), units),
-    lambda ax, found, units: records.draw_acceleration(ax, _info(found)[0].record, units),
+    lambda results, units: records.info_picture(_info(results), units),
+    lambda ax, results, units: records.draw_acceleration(ax, _info(results)[0].record, units),
 )
 _LOOKS: dict[type, _Look] = {
     Chart: _Look(
-        lambda found, _: chart_picture(found[0], name="Time against accuracy", target="peak-drift"), alone=True
+        lambda results, _: chart_picture(results[0], name="Time against accuracy", target="peak-drift"), alone=True
     ),
     Comparison: _Look(_compared),
     CyclicTest: _of_one(statics.cyclic_picture, statics.draw_loop),
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
-    FieldChart: _Look(lambda found, _: profile_picture(found[0], target="peak-drift"), alone=True),
+    FieldChart: _Look(lambda results, _: profile_picture(results[0], target="peak-drift"), alone=True),
     FloorSpectrum: _Look(runs.floor_picture),
     FourierSpectrum: _Look(records.fourier_picture, records.draw_fourier),
     Fragility: _Look(
-        lambda found, _: collapse.fragility_picture(found),
-        lambda ax, found, _: collapse.draw_functions(ax, found),
+        lambda results, _: collapse.fragility_picture(results),
+        lambda ax, results, _: collapse.draw_functions(ax, results),
     ),
     FragilityResult: _of_one(
-        lambda one, _: collapse.fragility_picture(one.functions),
-        lambda ax, one, _: collapse.draw_functions(ax, one.functions),
+        lambda result, _: collapse.fragility_picture(result.functions),
+        lambda ax, result, _: collapse.draw_functions(ax, result.functions),
     ),
     IdaStudy: _of_one(
-        lambda one, units: collapse.ida_picture(one.in_units(units)),
-        lambda ax, one, units: collapse.draw_ida(ax, one.in_units(units)),
+        lambda result, units: collapse.ida_picture(result.in_units(units)),
+        lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
     ModalResponse: _of_one(statics.modal_response_picture, statics.draw_modal_drifts),
     Modes: _of_one(
-        lambda one, _: statics.mode_picture(one, name="Modes"),
-        lambda ax, one, _: statics.draw_modes(ax, one),
+        lambda result, _: statics.mode_picture(result, name="Modes"),
+        lambda ax, result, _: statics.draw_modes(ax, result),
     ),
-    ObservedOrder: _Look(lambda found, _: assessment.order_picture(found)),
-    Overshoot: _Look(lambda found, _: assessment.overshoot_picture(found)),
+    ObservedOrder: _Look(lambda results, _: assessment.order_picture(results)),
+    Overshoot: _Look(lambda results, _: assessment.overshoot_picture(results)),
     Pushover: _of_one(statics.pushover_picture, statics.draw_curve),
     Record: _INFO,
     RecordInfo: _INFO,
@@ -232,14 +232,14 @@ _LOOKS: dict[type, _Look] = {
     RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
     Scaling: _of_one(collapse.suite_picture, collapse.draw_suite),
     Spectrum: _Look(
-        lambda found, units: spectrum_curves.spectrum_picture(found, units=units),
+        lambda results, units: spectrum_curves.spectrum_picture(results, units=units),
         spectrum_curves.draw_accelerations,
     ),
     StabilityCurve: _Look(
-        lambda found, _: assessment.stability_picture(found),
-        lambda ax, found, _: assessment.draw_radius(ax, found),
+        lambda results, _: assessment.stability_picture(results),
+        lambda ax, results, _: assessment.draw_radius(ax, results),
     ),
     Swing: _Look(runs.sensitivity_picture),
     TargetDisplacement: _Look(statics.target_picture),
-    Trial: _Look(lambda found, _: failure_picture(found)),
+    Trial: _Look(lambda results, _: failure_picture(results)),
 }

@@ -2,7 +2,7 @@
 
 A run of moment4 carries its error along (`tdint.kernels.equations.carried.error`). Below 1e-3 of the peak drift the
 run's own peaks are off by no more than 1.25 times the estimate in 97 of 100 runs, and the corrected ones by less than
-the estimate in 99; up to 1e-2 by no more than 3 times the estimate in 99 (`tests/benchmarks/carried_error.py`, 751
+the estimate in 99; up to 1e-2 by no more than 3 times the estimate in 99 (`tests/benchmarks/carried_error.py`, 952
 runs); above, the step is too long for it to tell. A peak whose correction is not all of its told error stays as
 computed, but in linear buildings.
 

@@ -203,22 +203,25 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
     ]
 
 
+def run_heads(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
+    """What names a run, by the numbers of its building and record: building, record and component."""
+    # Once for each of them and not for each run, of which there may be millions.
+    buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
+    records = {number: [*map(cell_text, named[:2])] for number, named in store.records().items()}
+    return lambda building, record: [buildings[building], *records[record]]
+
+
 def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
-    buildings, records = store.buildings(), store.records()
-    building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
+    methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
     # A row of the store has room for all errors, also where none were estimated.
-    told, carried = len(_estimated(store)), carried_cells(store)
-    method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
+    estimated, named, carried = len(_estimated(store)), run_heads(store), carried_cells(store)
     for building, record, scale, sample, dt, status, *rest in store.runs():
-        name, component, _ = records[record]
-        head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
-        head += [dt, cell_text(status)]
-        behind = (swept[building] if swept else []) + carried(building, sample)
-        results, errors = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :][:told]
-        yield head + results + errors + behind
+        head = [*named(building, record), scale, sample, methods[building], dt, cell_text(status)]
+        results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :]
+        yield head + results + behind[:estimated] + (swept[building] if swept else []) + carried(building, sample)
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -233,12 +236,9 @@ def _of_stories(store: Store) -> tuple[Column, ...]:
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
-    buildings, records = store.buildings(), store.records()
-    drawn, told = store.count("sample > 0") > 0, len(_of_stories(store))
+    drawn, count, named = store.count("sample > 0") > 0, len(_of_stories(store)), run_heads(store)
     for building, record, scale, sample, *rest in store.stories():
-        name, component, _ = records[record]
-        head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest[:told]]
+        yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -280,11 +280,8 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write shocks.csv."""
-    buildings, records = store.buildings(), store.records()
-    rows = (
-        [cell_text(buildings[building][0]), *map(cell_text, records[record][:2]), scale, *rest]
-        for building, record, scale, _, *rest in store.shocks()
-    )
+    named = run_heads(store)
+    rows = ([*named(building, record), scale, *rest] for building, record, scale, _, *rest in store.shocks())
     write_rows(SHOCKS, rows, stream, units)
 
 

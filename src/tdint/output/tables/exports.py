@@ -24,13 +24,14 @@ from tdint.output.tables.campaign import (
     carried_columns,
     numeric,
     run_columns,
+    run_heads,
     run_rows,
     story_columns,
     story_rows,
     write_rows,
 )
 from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
-from tdint.output.tables.table import TEXT, Column, cell_text, describe, names
+from tdint.output.tables.table import TEXT, Column, describe, names
 from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
 from tdint.written_numbers import how_many
 
@@ -143,7 +144,7 @@ def demand_names(stories: int, direction: int) -> list[str]:
 
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
     """Of each building, motion, scale and draw what tells it from others, and its demands."""
-    buildings, records = store.buildings(), store.records()
+    named, records = run_heads(store), store.records()
     peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     size = len(demand_names(stories, 1))
     # The first component of a pair, whose row it is: the motion itself, or the one before it.
@@ -157,8 +158,7 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
             start = size * (direction - 1)
             cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
         for (record, scale, sample), cells in rows.items():
-            name, component, _ = records[record]
-            yield [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale, sample], cells
+            yield [*named(building, record), scale, sample], cells
 
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
