@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from tdint.analysis.static import follow_path
 from tdint.kernels import layout
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories import law_state
-from tdint.model.definition import CODES
+from tdint.model.building import assemble
+from tdint.model.definition import CODES, simple_model, simple_story
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
 CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
@@ -25,3 +27,9 @@ def follow(law_parameters, path):
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
     law_state.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
     return result[1:, law_state.SHEAR], result[-1, law_state.RECOVERABLE], result[-1, law_state.DISSIPATION]
+
+
+def along(law, drifts, **story):
+    """The path of a story of its own, from rest."""
+    building = assemble(simple_model("one", [simple_story(1.0, law, **story)]))
+    return follow_path(building, 1, np.asarray(drifts, float))

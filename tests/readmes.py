@@ -234,14 +234,9 @@ def column_tables():
 
 
 PARTS = {
-    "columns": column_tables,
-    "commands": command_list,
-    "layers": layer_table,
-    "laws": law_table,
-    "methods": method_table,
-    "models": model_table,
-    "problems": problem_table,
-}
+    "columns": column_tables, "commands": command_list, "layers": layer_table, "laws": law_table,
+    "methods": method_table, "models": model_table, "problems": problem_table,
+}  # fmt: skip
 """What each generated part is made by; a part stands in one file."""
 
 

@@ -78,12 +78,9 @@ def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch)
 
 
 FULL = {
-    "target": ("period_s,sa_g", "1,2"),
-    "fragility": ("im,edp", "1,2"),
-    "path": ("drift_m", "1"),
-    "factors": ("record,component,factor", "a,b,2"),
-    "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
-}
+    "target": ("period_s,sa_g", "1,2"), "fragility": ("im,edp", "1,2"), "path": ("drift_m", "1"),
+    "factors": ("record,component,factor", "a,b,2"), "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
+}  # fmt: skip
 """Headers and rows of all but the inventory, which tells the faults of all rows together."""
 
 

@@ -159,19 +159,14 @@ def test_a_checker_of_types_knows_what_tdint_has(tmp_path):
     program.write_text("import tdint\ntdint.run\ntdint.nothing\n")
     found = subprocess.run(
         [
-            sys.executable,
-            "-m",
-            "mypy",
-            "--config-file=",
-            "--ignore-missing-imports",
-            "--follow-imports=silent",
+            sys.executable, "-m", "mypy", "--config-file=", "--ignore-missing-imports", "--follow-imports=silent",
             program,
         ],
         capture_output=True,
         text=True,
         cwd=tmp_path,
         timeout=300,
-    )
+    )  # fmt: skip
     assert re.findall(r'^program.py:(\d+): error: Module has no attribute "(\w+)"', found.stdout, re.MULTILINE) == [
         ("3", "nothing")
     ]

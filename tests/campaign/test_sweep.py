@@ -78,11 +78,8 @@ def test_factors_and_ratios_do_what_they_say(model):
     np.testing.assert_allclose(modes.damping, 0.02, rtol=1e-9)
     assert [story.law.parameters[0] for story in after.stories] == [3.6e4, 3.6e4]
     assert after.varied == (
-        ("mass_factor", 1.5),
-        ("stiffness_factor", 0.7),
-        ("damping", 0.02),
-        ("strength_factor", 1.2),
-    )
+        ("mass_factor", 1.5), ("stiffness_factor", 0.7), ("damping", 0.02), ("strength_factor", 1.2),
+    )  # fmt: skip
     one = model.replace(**{"story 2.stiffness_factor": 0.5})
     assert [story.stiffness for story in one.stories] == [4e6, 2e6]
 

@@ -65,22 +65,34 @@ def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 3
     Stream(traces).write(str(file), format="MSEED")
 
 
-@pytest.fixture
-def tdint() -> Callable[..., Result]:
-    """Run `tdint ARGUMENTS`; the result has exit_code, stdout and stderr, in which no word depends on the store.
-
-    That a kernel is compiled is said, too (tests/kernels/test_compiling.py), but not here.
+class Command:
+    """`tdint ARGUMENTS` in this process; the result has exit_code, stdout and stderr, in which no word depends on the
+    store. That a kernel is compiled is said, too (tests/kernels/test_compiling.py), but not here.
     """
-    # click before 8.2 mixes standard error into standard output unless told not to.
-    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
 
-    def run(*arguments: object, stdin: bytes | None = None) -> Result:
+    # click before 8.2 mixes standard error into standard output unless told not to.
+    _apart: dict[str, Any] = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+
+    def __call__(self, *arguments: object, stdin: bytes | None = None, code: int | None = None) -> Result:
+        """What comes of it; `code` is what it has to end with."""
         words = [str(argument) for argument in arguments]
-        result = CliRunner(**apart).invoke(cli, words, input=stdin, prog_name="tdint")
+        result = CliRunner(**self._apart).invoke(cli, words, input=stdin, prog_name="tdint")
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
+        assert code is None or result.exit_code == code, result.stderr
         return result
 
-    return run
+    def refused(self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2) -> Result:
+        """What comes of bad input: a message, a code, and nothing on standard output."""
+        result = self(*arguments, stdin=stdin, code=code)
+        assert result.stdout == ""
+        assert message in result.stderr
+        return result
+
+
+@pytest.fixture
+def tdint() -> Command:
+    """`tdint(*ARGUMENTS)` is the command."""
+    return Command()
 
 
 @pytest.fixture(autouse=True)

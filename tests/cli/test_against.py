@@ -14,8 +14,7 @@ PERIODS = "0.1,0.2,0.4,0.8"
 @pytest.fixture
 def spectra(folder, tdint):
     """Rows of the computed spectrum with two damping ratios, also as the file own.csv."""
-    result = tdint(*OPTIONS, "--period", PERIODS, "--damping", "2%,5%", "-o", "own.csv")
-    assert result.exit_code == 0, result.stderr
+    tdint(*OPTIONS, "--period", PERIODS, "--damping", "2%,5%", "-o", "own.csv", code=0)
     return rows(Path("own.csv").read_text())
 
 
@@ -26,8 +25,7 @@ def publish(text):
 
 def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
     """To the twelve digits of a table; its column `damping` tells the ratios apart."""
-    result = tdint(*OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%")
-    found = rows(result.stdout)
+    found = rows(tdint(*OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%").stdout)
     assert list(found[0]) == [
         "record", "component", "damping", "period_s", "psa_m_s2", "published_psa_m_s2", "relative_difference",
     ]  # fmt: skip
@@ -58,22 +56,19 @@ def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, facto
 def test_interpolation_only_if_said(spectra, tdint):
     """A power of the period is straight in logarithms."""
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
-    refused = tdint(*OPTIONS, *published, "--period", "0.2")
-    assert refused.exit_code == 2
-    assert "has no period 0.2 s" in refused.stderr
+    tdint.refused("has no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
     said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
     (row,) = rows(tdint(*said, "0.2").stdout)
     assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
-    beyond = tdint(*said, "0.2,0.5")
-    assert beyond.exit_code == 2
-    assert "goes from 0.1 to 0.4 s, without 0.5 s" in beyond.stderr
+    tdint.refused("goes from 0.1 to 0.4 s, without 0.5 s", *said, "0.2,0.5")
 
 
 def test_picture_summary_and_what_is_said(spectra, tdint):
     values = [1.1, 0.9, 1.0, 1.0]
     lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}" for row, x in zip(spectra[4:], values, strict=True)]
-    result = tdint(*OPTIONS, *publish("\n".join(["period_s,psa_m_s2", *lines])), "-o", "difference.csv", "--plot")
-    assert result.exit_code == 0, result.stderr
+    result = tdint(
+        *OPTIONS, *publish("\n".join(["period_s,psa_m_s2", *lines])), "-o", "difference.csv", "--plot", code=0
+    )
     assert "largest difference of psa to published.csv +11.1 % at 0.2 s" in result.stderr
     assert Path("difference.png").stat().st_size > 10_000
     settings = json.loads(Path("difference.json").read_text())["settings"]
@@ -100,13 +95,10 @@ def test_picture_summary_and_what_is_said(spectra, tdint):
     ],
 )
 def test_what_is_refused(folder, tdint, text, options, code, message):
-    result = tdint(*OPTIONS, *publish(text), *options)
-    assert result.exit_code == code, result.stderr
+    result = tdint(*OPTIONS, *publish(text), *options, code=code)
     assert message in result.stderr
     assert result.stdout == ""
 
 
 def test_its_options_need_it(folder, tdint):
-    result = tdint(*OPTIONS, "--against-column", "psa_g")
-    assert result.exit_code == 2
-    assert "--against-column has nothing to act on without --against" in result.stderr
+    tdint.refused("--against-column has nothing to act on without --against", *OPTIONS, "--against-column", "psa_g")

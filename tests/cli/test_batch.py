@@ -3,10 +3,8 @@
 import hashlib
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from functools import partial
 
@@ -70,12 +68,35 @@ def test_a_file_of_a_folder_that_cannot_be_read_is_a_failure(folder, tdint):
     assert result.stderr == "Error: some/b.mseed: the file is empty\n"
 
 
+@pytest.mark.parametrize("into", [None, "all.csv", "out/"])
+@pytest.mark.parametrize(
+    "command", [("info",), ("spectrum", *PERIODS), ("drift-spectrum", *PERIODS)], ids=lambda c: c[0]
+)
+def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, command, into):
+    """And bad ones alone give no output."""
+    make_record(folder / "counts.mseed", "HNE", integer=True)
+    (folder / "broken.mseed").write_bytes(b"\x00" * 100)
+    before = contents(folder)
+    into = "all.csv" if into and command[0] == "info" else into  # which has no folders
+    options = ["-o", into] if into else []
+    bad = ["counts.mseed", "missing.mseed", "broken.mseed"]
+    tdint.refused("Error: missing.mseed: ", *command, *bad, *options, code=4)
+    assert contents(folder) == before
+    result = tdint(*command, bad[0], "motion.mseed", *bad[1:], "other.mseed", *options, code=4)
+    errors = [line for line in result.stderr.splitlines() if line.startswith("Error")]
+    assert [line.split(":")[1].strip() for line in errors] == bad
+    good = tdint(*command, "motion.mseed", "other.mseed").stdout
+    if into == "out/":
+        assert sorted(contents(folder / "out")) == ["motion.csv", "motion.json", "other.csv", "other.json"]
+    else:
+        assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
+
+
 def test_records_of_one_stem_keep_their_suffix(folder, tdint):
     """K-NET gives a station's components one stem: x.EW and x.NS."""
     for suffix in ("EW", "NS"):
         (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
-    result = tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot")
-    assert result.exit_code == 0
+    tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot", code=0)
     assert sorted(contents(folder / "out")) == [
         f"{stem}.{suffix}" for stem in ("other", "x.EW", "x.NS") for suffix in ("csv", "json", "png")
     ]
@@ -100,19 +121,24 @@ def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
 
 
 @pytest.mark.parametrize(
-    ("into", "plot"),
+    ("command", "into", "plot"),
     [
-        *(("out/", False), ("all.csv", False), (None, False), ("all.csv", True)),
-        pytest.param("out/", True, marks=pytest.mark.slow),
+        *(
+            (("spectrum",), *output)
+            for output in (("out/", False), ("all.csv", False), (None, False), ("all.csv", True))
+        ),
+        pytest.param(("spectrum",), "out/", True, marks=pytest.mark.slow),
+        (("spectrum", "--ductility", "2,4"), None, False),
+        (("drift-spectrum", "--stories", "3"), None, False),
     ],
 )
-def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, into, plot):
+def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, command, into, plot):
     results, written = [], []
     for jobs in (1, 3):
         place = f"{jobs}/{into}" if into else None
         (many.parent / str(jobs)).mkdir()
         options = ["-o", place, *["--plot"] * plot] if place else []
-        result = tdint("spectrum", "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
+        result = tdint(*command, "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
         results.append((result.exit_code, result.stdout, result.stderr))
         written.append(contents(many.parent / str(jobs) / "out" if into == "out/" else many.parent / str(jobs)))
     assert results[0] == results[1]
@@ -218,38 +244,10 @@ def test_results_of_one_process_come_as_they_are_made():
         assert next(iter(results))[0] == "a"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_ends_all_processes_without_a_word(folder, make_record):
-    (folder / "many").mkdir()
-    make_record(folder / "many" / "0.mseed", "HNE", samples=60_000)
-    for i in range(1, 60):
-        (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
-    # A shell starts what runs in its background with Ctrl-C ignored.
-    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from tdint_cli.main import main"
-    command = [
-        sys.executable, "-c", f"{start}; main()", "spectrum", "many",
-        "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000",
-    ]  # fmt: skip
-    process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 60.0
-    while len(list((folder / "out").glob("*.csv")) if (folder / "out").is_dir() else []) < 2:
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    _, words = process.communicate(timeout=30.0)
-    assert process.returncode == 130
-    assert [line for line in words.splitlines() if line and "compiling" not in line] == ["Interrupted"]
-    assert not [name for name in contents(folder / "out") if name.startswith(".")]
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
 @pytest.mark.parametrize(
     ("arguments", "to_terminal", "shown"),
     [
-        ("spectrum motion.mseed other.mseed --period 1 -o out/", False, True),
         ("spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False, True),
         ("info motion.mseed other.mseed", False, True),
         ("info motion.mseed other.mseed", True, False),

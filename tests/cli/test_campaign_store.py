@@ -4,17 +4,15 @@ import os
 import shutil
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from click.testing import Result
 
+from cli.conftest import Command
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import LOCK
-
-Run = Callable[..., Result]
 
 STUDY = """\
 buildings: {models: [shaken.yaml]}
@@ -26,7 +24,7 @@ TABLES = ("runs.csv", "stories.csv")
 
 
 @pytest.fixture
-def done(folder: Path, tdint: Run) -> dict[str, bytes]:
+def done(folder: Path, tdint: Command) -> dict[str, bytes]:
     """The campaign study.yaml, done in the folder out; its tables."""
     (folder / "study.yaml").write_text(STUDY)
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
@@ -60,12 +58,11 @@ def sql(*statements: str) -> None:
     ],
 )
 def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
-    done: dict[str, bytes], tdint: Run, statement: str
+    done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
     sql(statement)
     for action in ("status", "export"):
-        result = tdint("campaign", action, "out")
-        assert (result.exit_code, "chunks of runs are not as they were written; call" in result.stderr) == (6, True)
+        tdint.refused("chunks of runs are not as they were written; call", "campaign", action, "out", code=6)
     assert tables("out") == done
     again = tdint("campaign", "study.yaml", "-o", "out")
     assert (again.exit_code, "they are done again" in again.stderr) == (0, True), again.stderr
@@ -73,7 +70,7 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
 
 
-def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Run) -> None:
+def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Command) -> None:
     shutil.copytree("out", "good")
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     result = tdint("campaign", "merge", "out", "good", "-o", "all")
@@ -104,20 +101,19 @@ def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Run) 
     ],
 )
 def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
-    done: dict[str, bytes], tdint: Run, statement: str
+    done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
     sql(statement)
     before = Path("out", FILE).read_bytes()
     for arguments in (["study.yaml", "-o", "out"], ["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]):
-        result = tdint("campaign", *arguments)
-        assert (result.exit_code, "cannot be trusted" in result.stderr) == (6, True), result.stderr
+        result = tdint.refused("cannot be trusted", "campaign", *arguments, code=6)
         assert len(result.stderr.splitlines()) == 1
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
     assert tables("out") == done
 
 
-def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Run) -> None:
+def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> None:
     """Zeroed, or changed for another: refused, or what it held is done again, or nothing was in it."""
     whole = Path("out", FILE).read_bytes()
     size = int.from_bytes(whole[16:18], "big")
@@ -135,7 +131,7 @@ def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Run) -> None
 
 
 @pytest.mark.parametrize("name", [LOCK, FILE])
-def test_what_is_no_file_of_ours_in_its_place(done: dict[str, bytes], tdint: Run, name: str) -> None:
+def test_what_is_no_file_of_ours_in_its_place(done: dict[str, bytes], tdint: Command, name: str) -> None:
     for make in (lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir):
         Path("out", name).unlink(missing_ok=True)
         make(Path("out", name))
@@ -162,7 +158,7 @@ def locked_by_another(seconds: float = 0.0) -> Iterator[None]:
         connection.close()
 
 
-def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Run) -> None:
+def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Command) -> None:
     tdint("campaign", "export", "out")
     with locked_by_another():
         for arguments in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
@@ -171,7 +167,7 @@ def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Run) -> None:
     assert tables("out") == done
 
 
-def test_waiting_is_said_and_ends(done: dict[str, bytes], tdint: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_is_said_and_ends(done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another(2.0):
         result = tdint("campaign", "study.yaml", "-o", "out")
@@ -184,7 +180,7 @@ def test_waiting_is_said_and_ends(done: dict[str, bytes], tdint: Run, monkeypatc
     assert (result.exit_code, "another program keeps it locked" in result.stderr) == (6, True)
 
 
-def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdint: Run) -> None:
+def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdint: Command) -> None:
     """Neither those that were there before the campaign began, nor those that were changed since."""
     assert tdint("run", "shaken.yaml", "--units", "m/s^2", "-o", "one").exit_code == 0
     kept = {path.name: path.read_bytes() for path in Path("one").iterdir()}
@@ -193,13 +189,11 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
         ["campaign", "merge", "out", "-o", "one"],
         ["run", "shaken.yaml", "--units", "m/s^2", "--scale", "0.5,1", "-o", "one"],
     ):
-        result = tdint(*arguments)
-        assert (result.exit_code, "exists already" in result.stderr) == (6, True), result.stderr
+        tdint.refused("exists already", *arguments, code=6)
         assert {path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK} == kept
     Path("out/runs.csv").write_text("mine\n")
     for arguments in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
-        result = tdint("campaign", *arguments)
-        assert (result.exit_code, "out/runs.csv: exists already" in result.stderr) == (6, True), result.stderr
+        tdint.refused("out/runs.csv: exists already", "campaign", *arguments, code=6)
         assert Path("out/runs.csv").read_text() == "mine\n"
     assert tdint("campaign", "export", "out", "--overwrite").exit_code == 0
     assert tables("out") == done
@@ -207,7 +201,7 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
     assert tables("one") == done
 
 
-def test_overwrite_begins_no_campaign_anew_that_is_the_same(done: dict[str, bytes], tdint: Run) -> None:
+def test_overwrite_begins_no_campaign_anew_that_is_the_same(done: dict[str, bytes], tdint: Command) -> None:
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out", "--overwrite").stderr
     Path("study.yaml").write_text(STUDY.replace("2.5", "3"))
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 2

@@ -77,8 +77,7 @@ def test_the_library_s_words_become_options_where_the_command_has_them(tdint, fo
 
 @pytest.mark.parametrize(("given", "hint"), [("5", True), ("500", False)])
 def test_a_percentage_is_proposed_only_where_it_would_do(tdint, given, hint):
-    result = tdint("spectrum", "motion.mseed", "--damping", given)
-    assert result.exit_code == 2
+    result = tdint("spectrum", "motion.mseed", "--damping", given, code=2)
     assert (f"did you mean {given}%?" in result.stderr) == hint
 
 
@@ -97,8 +96,7 @@ def test_debug_before_or_after_the_command(tdint, monkeypatch, arguments):
 
     monkeypatch.setattr(LazyGroup, "get_command", lambda *_: broken)
     monkeypatch.setattr(LazyGroup, "resolve_command", click.Group.resolve_command)
-    result = tdint(*arguments)
-    assert result.exit_code == 1
+    result = tdint(*arguments, code=1)
     assert ("Traceback" in result.stderr) == ("--debug" in arguments)
     assert "internal error (a bug): ZeroDivisionError: a bug" in result.stderr
 

@@ -12,8 +12,7 @@ SMALL = ("failures", "--problem", "hardening", "--problem", "sqrt-12", "--method
 
 @pytest.mark.parametrize("named", [["large-step"], pytest.param([], marks=pytest.mark.slow)], ids=["one", "all"])
 def test_problems_with_the_usual_methods(here, tdint, named):
-    result = tdint("failures", "--plot", "who.png", *(word for name in named for word in ("--problem", name)))
-    assert result.exit_code == 0
+    result = tdint("failures", "--plot", "who.png", *(word for name in named for word in ("--problem", name)), code=0)
     assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert "nan" not in result.stdout and "inf," not in result.stdout
@@ -29,9 +28,7 @@ def test_problems_with_the_usual_methods(here, tdint, named):
 
 
 def test_chosen_methods_and_problems(tdint):
-    result = tdint(*SMALL)
-    assert result.exit_code == 0
-    table = rows(result.stdout)
+    table = rows(tdint(*SMALL, code=0).stdout)
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
         ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
     ]  # fmt: skip
@@ -40,13 +37,11 @@ def test_chosen_methods_and_problems(tdint):
     assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == ("", "", "")
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_table_and_picture(here, tdint, suffix, start):
+def test_table_and_picture(here, tdint):
     table = tdint(*SMALL).stdout
-    result = tdint(*SMALL, "-o", "x.csv", "--plot", f"x{suffix}")
-    assert (result.exit_code, result.stdout) == (0, "")
+    assert tdint(*SMALL, "-o", "x.csv", "--plot", "x.pdf", code=0).stdout == ""
     assert (here / "x.csv").read_text() == table
-    assert (here / f"x{suffix}").read_bytes().startswith(start)
+    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.parametrize(
@@ -59,9 +54,7 @@ def test_table_and_picture(here, tdint, suffix, start):
     ],
 )
 def test_what_is_refused(here, tdint, arguments, code, message):
-    result = tdint("failures", *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, "failures", *arguments, code=code)
     assert not list(here.iterdir())
 
 

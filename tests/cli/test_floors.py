@@ -91,9 +91,7 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
     ],
 )
 def test_wrong_use(folder, tdint, arguments, message):
-    result = tdint("run", "shaken.yaml", *arguments)
-    assert result.exit_code == 2
-    assert message in result.stderr
+    tdint.refused(message, "run", "shaken.yaml", *arguments)
     assert not (folder / "out").exists()
 
 

@@ -47,14 +47,11 @@ def test_fragility_in_other_units(folder, tdint, text, arguments):
 
 
 def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
-    result = tdint("fragility", CONFIGS / "stripes.csv", "--output-units", "g")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert "give the table a column unit" in result.stderr
+    tdint.refused("give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g")
 
 
 def test_a_table_of_stripes(folder, tdint):
-    result = tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg")
-    assert result.exit_code == 0, result.output
+    tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg", code=0)
     (row,) = rows(folder / "f.csv")
     assert (row["fit"], row["theta"][:7], row["beta"][:7]) == ("stripes", "1.07611", "0.42923")
     assert float(row["beta_total"]) ** 2 == pytest.approx(float(row["beta"]) ** 2 + 0.04)
@@ -67,8 +64,7 @@ def test_a_folder_of_a_study(folder, tdint, make_record):
         make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
     records = ("motion.mseed", "60.mseed", "120.mseed")
     assert tdint("ida", "shaken.yaml", *records, "--component", "HNE", *UNITS, "-o", "out").exit_code == 0
-    result = tdint("fragility", "out")
-    found = rows(result.stdout)
+    found = rows(tdint("fragility", "out").stdout)
     assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
     assert {(row["fit"], row["records"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
     (one,) = rows(tdint("fragility", "out", "--threshold", "2%").stdout)
@@ -104,9 +100,11 @@ def test_runs_of_a_campaign(folder, tdint):
 
 def test_runs_of_several_buildings_are_no_fragility(folder, tdint):
     (folder / "runs.csv").write_text("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n")
-    result = tdint("fragility", ".", "--threshold", "3%")
-    assert result.exit_code == 3
-    assert "runs.csv: column building has several values, a, b: leave the rows of one" in result.stderr
+    tdint.refused(
+        "runs.csv: column building has several values, a, b: leave the rows of one",
+        *["fragility", ".", "--threshold", "3%"],
+        code=3,
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,8 +122,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
         "threshold,capacity,censored,im_name,unit\n"
         "0.01,1,false,pga,m/s^2\n0.01,2,false,pga,m/s^2\n0.1,3,true,pga,m/s^2\n0.1,,true,pga,m/s^2\n"
     )
-    result = tdint("fragility", "c.csv")
-    assert result.exit_code == 0
+    result = tdint("fragility", "c.csv", code=0)
     assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
     assert "Warning: threshold 0.1: of 1 capacities none is known" in result.stderr
     assert "1 row without a capacity left out" in result.stderr
@@ -160,20 +157,15 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
 )
 def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
-    result = tdint("fragility", "t.csv", *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, "fragility", "t.csv", *arguments, code=code)
 
 
 def test_a_folder_without_tables(folder, tdint):
-    result = tdint("fragility", ".")
-    assert result.exit_code == 3
-    assert "this folder has no capacities.csv and no runs.csv" in result.stderr
+    tdint.refused("this folder has no capacities.csv and no runs.csv", "fragility", ".", code=3)
 
 
 def test_standard_input(folder, tdint):
-    result = tdint("fragility", "-", stdin=b"capacity\n1\n2\n3\n")
-    assert result.exit_code == 0
+    result = tdint("fragility", "-", stdin=b"capacity\n1\n2\n3\n", code=0)
     assert rows(result.stdout)[0]["records"] == "3"
 
 

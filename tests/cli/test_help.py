@@ -85,5 +85,4 @@ def test_examples_run(name, office, monkeypatch, tdint):
     for example in command_of(name).examples:
         _, *words = shlex.split(example)
         assert words[0] == name
-        result = tdint(*words, *["--overwrite"] * (words[:2] == ["init", "office.yaml"]))
-        assert result.exit_code == 0, result.stderr
+        tdint(*words, *["--overwrite"] * (words[:2] == ["init", "office.yaml"]), code=0)

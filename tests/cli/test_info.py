@@ -89,34 +89,15 @@ def test_standard_input_component_and_output(folder, tdint):
     assert (row["record"], row["component"]) == ("-", "HNN")
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_picture(folder, tdint, suffix, start):
-    result = tdint("info", "motion.mseed", "other.mseed", "--plot", f"picture{suffix}")
-    assert (result.exit_code, len(rows(result.stdout))) == (0, 3)
-    assert (folder / f"picture{suffix}").read_bytes().startswith(start)
+def test_picture(folder, tdint):
+    result = tdint("info", "motion.mseed", "other.mseed", "--plot", "picture.png", code=0)
+    assert len(rows(result.stdout)) == 3
+    assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_picture_of_zeros(folder, tdint):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     assert tdint("info", "zero.txt", "--plot", "zero.png").exit_code == 0
-
-
-def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record):
-    make_record(folder / "counts.mseed", "HNE", integer=True)
-    (folder / "cut.at2").write_text(format_files.at2()[:-40])
-    result = tdint("info", "counts.mseed", "other.mseed", "missing.mseed", "cut.at2", "motion.mseed")
-    assert result.exit_code == 4
-    assert [row["record"] for row in rows(result.stdout)] == ["other.mseed", "motion.mseed", "motion.mseed"]
-    found = errors(result)
-    assert [line.split(":")[1].strip() for line in found] == ["counts.mseed", "missing.mseed", "cut.at2"]
-    assert "the file is cut off: 120 values are announced after line 4" in found[2]
-
-
-def test_bad_records_alone_give_no_output(folder, tdint):
-    result = tdint("info", "missing.mseed", "-o", "info.csv", "--plot", "info.png")
-    assert (result.exit_code, result.stdout) == (4, "")
-    assert not (folder / "info.csv").exists()
-    assert not (folder / "info.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -125,14 +106,11 @@ def test_bad_records_alone_give_no_output(folder, tdint):
         ((), 2, "Missing argument 'RECORD...'"),
         (("-", "-"), 2, "standard input (-) can be read only once"),
         (("other.mseed", "--units", "furlong"), 2, "units 'furlong'"),
-        (("other.mseed", "--plot", "x.jpg"), 2, "a picture is written as .png, .pdf or .svg"),
         (("other.mseed", "-o", ""), 2, "-o is empty"),
     ],
 )
 def test_usage_errors(folder, tdint, arguments, code, message):
-    result = tdint("info", *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, "info", *arguments, code=code)
 
 
 def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint):

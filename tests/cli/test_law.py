@@ -10,15 +10,13 @@ COLUMNS = (
     "story,step,cycle,drift_m,drift_ratio,shear_N,shear_with_p_delta_N,tangent_stiffness_N_m,recoverable_energy_J,"
     "dissipated_energy_J"
 )
-STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def test_one_cycle(folder, tdint):
     """A bilinear story, k = 8000, Fy = 50, hardening 0.1, height 3: at a drift ratio of 1 % the force is 50 + 800 (0.03
     - 0.00625) = 69 N."""
-    result = tdint("law", "shaken.yaml", "--story", "2", "--drift", "0.01", "--points", "4")
-    assert result.exit_code == 0
+    result = tdint("law", "shaken.yaml", "--story", "2", "--drift", "0.01", "--points", "4", code=0)
     assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [row["step"] for row in table] == [str(i) for i in range(17)]
@@ -46,8 +44,7 @@ def test_what_is_told(folder, tdint):
 
 def test_a_linear_story_of_a_stream(folder, tdint):
     text = (folder / "forced.yaml").read_text().replace(", height: 3", "")
-    result = tdint("law", "-", "--drift", "10mm", "--points", "1", stdin=text.encode())
-    assert result.exit_code == 0
+    result = tdint("law", "-", "--drift", "10mm", "--points", "1", stdin=text.encode(), code=0)
     assert [row["shear_N"] for row in rows(result.stdout)] == ["0", "8", "0", "-8", "0"]
     assert {row["drift_ratio"] for row in rows(result.stdout)} == {""}
     assert "Initial stiffness 800 N/m.\n" in result.stderr
@@ -61,8 +58,7 @@ def test_any_path(folder, tdint, units):
     drifts = [0.03, 0.02, 0.03, 0.0425]
     text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))
     (folder / "path.csv").write_text("step,drift_m\n" + text)
-    result = tdint("law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png")
-    assert result.exit_code == 0
+    result = tdint("law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png", code=0)
     assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [float(row["drift_m"]) for row in table] == pytest.approx(drifts, rel=1e-11)
@@ -84,11 +80,8 @@ def test_p_delta(tdint):
 def test_table_and_picture(folder, tdint):
     command = ("law", "shaken.yaml", "--drift", "1%")
     table = tdint(*command).stdout
-    for suffix, start in STARTS.items():
-        result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
-        assert (result.exit_code, result.stdout) == (0, "")
-        assert (folder / "x.csv").read_text() == table
-        assert (folder / f"x{suffix}").read_bytes().startswith(start)
+    assert tdint(*command, "-o", "x.csv", "--plot", "x.svg", code=0).stdout == ""
+    assert (folder / "x.csv").read_text() == table
     assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
 
 
@@ -122,7 +115,6 @@ def test_pictures_of_any_size(folder, tdint, model, drift):
         (["no-height.yaml", "--drift", "1%"], 2, "drift 1% is a drift ratio, and story 1 has no height"),
         (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: no such file"),
         (["shaken.yaml", "--drift", "1%", "-o", "other.mseed"], 6, "other.mseed: exists already; give --overwrite"),
-        (["shaken.yaml", "--drift", "1%", "--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg"),
         (["cubic.yaml", "--drift", "1e90m"], 5, "story 1: its law has no finite force and energy at drift "),
     ],
 )
@@ -133,7 +125,5 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
     (folder / "path.csv").write_text("drift_m\n0.1\nx\n")
     (folder / "good.csv").write_text("drift_m\n0.1\n")
     before = sorted(folder.iterdir())
-    result = tdint("law", *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, "law", *arguments, code=code)
     assert sorted(folder.iterdir()) == before

@@ -32,8 +32,7 @@ def test_modes_from_standard_input(folder, tdint):
 
 def test_of_coupled_damping_each_mode_has_its_own(folder, tdint):
     """As the first one in the summary of a run."""
-    result = tdint("modes", "forced.yaml")
-    assert result.exit_code == 0
+    result = tdint("modes", "forced.yaml", code=0)
     first, second = (float(row["damping"]) for row in rows(result.stdout))
     checked = rows(tdint("check", "forced.yaml").stdout)
     assert abs(first - float(checked[0]["t1_damping"])) < 1e-9 * first < second

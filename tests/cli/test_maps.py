@@ -2,15 +2,12 @@
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import Result
 
+from cli.conftest import Command
 from csv_rows import rows
-
-Run = Callable[..., Result]
 
 CAMPAIGN = """\
 buildings: {inventory: buildings.csv, units: {length: ft}}
@@ -50,7 +47,7 @@ def positions(geometry: dict[str, object] | None) -> list[float] | None:
     return coordinates
 
 
-def test_columns_of_the_inventory_stand_behind_those_of_the_runs(region: Path, tdint: Run) -> None:
+def test_columns_of_the_inventory_stand_behind_those_of_the_runs(region: Path, tdint: Command) -> None:
     """As they are written, but for what a spreadsheet would run; what has the name of another column gets a prefix."""
     assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
     table, inventory = rows("out/runs.csv"), {row["id"]: row for row in rows("buildings.csv")}
@@ -65,7 +62,7 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(region: Path, t
     assert "Cost" not in rows("out/stories.csv")[0]
 
 
-def test_other_columns_of_an_inventory_run_nothing_anew(region: Path, tdint: Run) -> None:
+def test_other_columns_of_an_inventory_run_nothing_anew(region: Path, tdint: Command) -> None:
     assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
     before = rows("out/runs.csv")
     Path("buildings.csv").write_text(BUILDINGS.replace("zip", "county").replace("1e6", "2e6"))
@@ -78,7 +75,7 @@ def test_other_columns_of_an_inventory_run_nothing_anew(region: Path, tdint: Run
     assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 2
 
 
-def test_shards_carry_them_along(region: Path, tdint: Run) -> None:
+def test_shards_carry_them_along(region: Path, tdint: Command) -> None:
     for part in (1, 2):
         assert tdint("campaign", "campaign.yaml", "-o", f"p{part}", "--shard", f"{part}/2").exit_code == 0
     assert tdint("campaign", "merge", "p1", "p2", "-o", "all").exit_code == 0
@@ -86,7 +83,7 @@ def test_shards_carry_them_along(region: Path, tdint: Run) -> None:
     assert Path("all/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
 
 
-def test_a_map_by_the_rules_of_geojson(region: Path, tdint: Run) -> None:
+def test_a_map_by_the_rules_of_geojson(region: Path, tdint: Command) -> None:
     """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, finite numbers alone; and the
     larger component of runs.csv in the properties."""
     assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
@@ -120,7 +117,7 @@ def test_a_map_by_the_rules_of_geojson(region: Path, tdint: Run) -> None:
     }  # fmt: skip
 
 
-def test_a_map_has_the_units_of_the_tables(region: Path, tdint: Run) -> None:
+def test_a_map_has_the_units_of_the_tables(region: Path, tdint: Command) -> None:
     tdint("campaign", "campaign.yaml", "-o", "out")
     tdint("campaign", "export", "out", "--geojson")
     tdint("campaign", "export", "out", "--geojson", "--output-units", "kip,in,g")
@@ -137,7 +134,7 @@ def test_a_map_has_the_units_of_the_tables(region: Path, tdint: Run) -> None:
         (("", ""), "not all runs are done; a map tells what the buildings do under all motions"),
     ],
 )
-def test_what_a_map_refuses(region: Path, tdint: Run, change: tuple[str, str], message: str) -> None:
+def test_what_a_map_refuses(region: Path, tdint: Command, change: tuple[str, str], message: str) -> None:
     Path("buildings.csv").write_text(BUILDINGS.replace(*change) if change[0] else BUILDINGS)
     assert tdint("campaign", "campaign.yaml", "-o", "out", *(() if change[0] else ("--max-runs", "1"))).exit_code == 0
     result = tdint("campaign", "export", "out", "--geojson")
@@ -145,7 +142,7 @@ def test_what_a_map_refuses(region: Path, tdint: Run, change: tuple[str, str], m
     assert not Path("out/buildings.geojson").exists()
 
 
-def test_a_map_goes_with_its_places(region: Path, tdint: Run) -> None:
+def test_a_map_goes_with_its_places(region: Path, tdint: Command) -> None:
     """It is written anew with the other tables, and is gone where the inventory has no places any more."""
     tdint("campaign", "campaign.yaml", "-o", "out")
     tdint("campaign", "export", "out", "--geojson")
@@ -159,7 +156,7 @@ def test_a_map_goes_with_its_places(region: Path, tdint: Run) -> None:
     assert not Path("out/buildings.geojson").exists()
 
 
-def test_parquet_has_the_rows_of_the_tables(region: Path, tdint: Run) -> None:
+def test_parquet_has_the_rows_of_the_tables(region: Path, tdint: Command) -> None:
     """Runs and stories; columns of the inventory are numbers where all their cells are."""
     parquet = pytest.importorskip("pyarrow.parquet")
     tdint("campaign", "campaign.yaml", "-o", "out")
@@ -178,7 +175,7 @@ def test_parquet_has_the_rows_of_the_tables(region: Path, tdint: Run) -> None:
     assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == ("double", "string", "int64", "string")
 
 
-def test_damage_has_them_too(region: Path, tdint: Run) -> None:
+def test_damage_has_them_too(region: Path, tdint: Command) -> None:
     """Columns of the inventory in damage.csv and damage.parquet; the map has the means over the runs of damage.csv."""
     with Path("campaign.yaml").open("a") as stream:
         stream.write(

@@ -29,8 +29,7 @@ def column(result, name: str) -> list[str]:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_all_methods_at_their_defaults(tdint, name):
-    result = tdint(name, *SMALL[name])
-    assert result.exit_code == 0
+    result = tdint(name, *SMALL[name], code=0)
     assert result.stdout.splitlines()[0] == COLUMNS[name]
     assert list(dict.fromkeys(column(result, "method"))) == ALL
     assert "nan" not in result.stdout
@@ -60,7 +59,6 @@ def test_table_and_picture(here, tdint, name, suffix):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
         (["--plot", ""], 2, "--plot is empty"),
@@ -71,42 +69,26 @@ def test_table_and_picture(here, tdint, name, suffix):
     ],
 )
 def test_what_is_refused(here, tdint, name, arguments, code, message):
-    result = tdint(name, *SMALL[name], *arguments)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert message in result.stderr
+    tdint.refused(message, name, *SMALL[name], *arguments, code=code)
     assert not list(here.iterdir())
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["stability", "--damping", "1"],
-        ["stability", "--damping", "-0.1"],
-        ["stability", "--damping", "nan"],
-        ["stability", "--dt-over-t", "1:0.1:5"],
-        ["stability", "--dt-over-t", "0.1:1:1"],
-        ["stability", "--dt-over-t", "0.1:1"],
-        ["stability", "--dt-over-t", "0:1:5"],
-        ["stability", "--dt-over-t", "0.1:inf:5"],
-        ["stability", "--dt-over-t", "nan"],
-        ["stability", "--dt-over-t", "0.1:1:1e3"],
-        ["overshoot", "--dt-over-t", "0"],
-        ["overshoot", "--dt-over-t", "inf"],
-        ["overshoot", "--damping", "nan"],
-        ["overshoot", "--steps", "0"],
-        ["order", "--load", "sinus"],
-        ["order", "--law", "bilinear"],
-        ["stability", "--dt-over-t", "1e7"],
-        ["stability", "--dt-over-t", "1e-7:1:3"],
-        ["overshoot", "--dt-over-t", "1e7"],
-        ["order", "--frequency-ratio", "-1"],
-        ["order", "--frequency-ratio", "0.2:11:3"],
+        ["stability", "--damping", "1"], ["stability", "--damping", "-0.1"], ["stability", "--damping", "nan"],
+        ["stability", "--dt-over-t", "1:0.1:5"], ["stability", "--dt-over-t", "0.1:1:1"],
+        ["stability", "--dt-over-t", "0.1:1"], ["stability", "--dt-over-t", "0:1:5"],
+        ["stability", "--dt-over-t", "0.1:inf:5"], ["stability", "--dt-over-t", "nan"],
+        ["stability", "--dt-over-t", "0.1:1:1e3"], ["overshoot", "--dt-over-t", "0"],
+        ["overshoot", "--dt-over-t", "inf"], ["overshoot", "--damping", "nan"], ["overshoot", "--steps", "0"],
+        ["order", "--load", "sinus"], ["order", "--law", "bilinear"], ["stability", "--dt-over-t", "1e7"],
+        ["stability", "--dt-over-t", "1e-7:1:3"], ["overshoot", "--dt-over-t", "1e7"],
+        ["order", "--frequency-ratio", "-1"], ["order", "--frequency-ratio", "0.2:11:3"],
     ],
-)
+)  # fmt: skip
 def test_values_out_of_range(tdint, arguments):
-    result = tdint(*arguments)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert f"Invalid value for '{arguments[1]}'" in result.stderr
+    tdint.refused(f"Invalid value for '{arguments[1]}'", *arguments)
 
 
 # ---- stability
@@ -136,21 +118,15 @@ def test_critical_steps_are_told(tdint):
     options = [part for method in methods for part in ("--method", method)]
     result = tdint("stability", *SMALL["stability"], *options, "--damping", "0", "--damping", "0.05")
     assert [line.split(maxsplit=2) for line in result.stderr.splitlines()] == [
-        ["method", "damping", "critical omega dt"],
-        ["central-difference", "0", "2.00000"],
-        ["central-difference", "0.05", "2.00000"],
-        ["newmark-linear", "0", "3.46410"],
-        ["newmark-linear", "0.05", "3.46410"],
-        ["newmark-average", "0", "none up to omega dt 1e4"],
-        ["newmark-average", "0.05", "none up to omega dt 1e4"],
-        ["rk5", "0", "0.997191"],
-        ["rk5", "0.05", "2.40256"],
-    ]
+        ["method", "damping", "critical omega dt"], ["central-difference", "0", "2.00000"],
+        ["central-difference", "0.05", "2.00000"], ["newmark-linear", "0", "3.46410"],
+        ["newmark-linear", "0.05", "3.46410"], ["newmark-average", "0", "none up to omega dt 1e4"],
+        ["newmark-average", "0.05", "none up to omega dt 1e4"], ["rk5", "0", "0.997191"], ["rk5", "0.05", "2.40256"],
+    ]  # fmt: skip
 
 
 def test_beta_scan(here, tdint):
-    result = tdint("stability", "--method", "gauss4", "--beta-scan", "--plot", "x.svg")
-    assert result.exit_code == 0
+    result = tdint("stability", "--method", "gauss4", "--beta-scan", "--plot", "x.svg", code=0)
     critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
     none = "none up to omega dt 1e4"
     expected = {"1/120": "3.16228", "1/143": "3.45205", "1/144": none, "1/145": "3.46410", "1/160": "3.46410"}
@@ -174,8 +150,7 @@ def test_beta_scan(here, tdint):
 
 @pytest.mark.parametrize("steps", ["0.1", "1e6", "10:1000:5", "1e-6:1e-5:3"])
 def test_pictures_of_any_steps(here, tdint, steps):
-    result = tdint("stability", "--method", "exact", "--method", "rk5", "--dt-over-t", steps, "--plot", "x.png")
-    assert result.exit_code == 0
+    tdint("stability", "--method", "exact", "--method", "rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
     assert (here / "x.png").exists()
 
 
@@ -219,17 +194,14 @@ def test_overshoot_words(tdint):
 
 
 def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
-    result = tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png")
-    assert result.exit_code == 0
-    last = rows(result.stdout)[-1]
+    last = rows(tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout)[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
 
 
 def test_overshoot_in_nonlinear_motion(here, tdint):
     """The rows are those of the function; the words tell what is passed, of whom, and who is left out."""
     methods = ("newmark-average", "moment4", "impulse", "exact")
-    result = tdint("overshoot", "--method", ",".join(methods), "--law", "softening", "--plot", "x.png")
-    assert result.exit_code == 0
+    result = tdint("overshoot", "--method", ",".join(methods), "--law", "softening", "--plot", "x.png", code=0)
     table = rows(result.stdout)
     assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {("softening", "", "")}
     largest = max(abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average")
@@ -238,9 +210,10 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
     told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert told["newmark-average"] == ["1", "0.391", f"{largest:.3g}", "1.63", "displacement and velocity"]
     assert told["moment4:rho_inf=1.0"][-1] == "none"
-    refused = tdint("overshoot", "--method", "exact", "--law", "hardening")
-    assert (refused.exit_code, refused.stdout) == (2, "")
-    assert "exact integrates linear buildings only; not with --law hardening" in refused.stderr
+    tdint.refused(
+        "exact integrates linear buildings only; not with --law hardening",
+        *["overshoot", "--method", "exact", "--law", "hardening"],
+    )
 
 
 # ---- order
@@ -275,8 +248,7 @@ def test_a_frequency_ratio_needs_a_frequency(tdint):
 
 
 def test_methods_that_cannot_do_the_law_are_named(tdint):
-    result = tdint("order", "--load", "free", "--law", "polynomial")
-    assert result.exit_code == 0
+    result = tdint("order", "--load", "free", "--law", "polynomial", code=0)
     assert column(result, "method") == [label for label in ALL if label != "exact"]
     assert result.stderr == "note: exact is left out: it integrates linear buildings only\n"
     alone = tdint("order", "--method", "exact", "--law", "polynomial")
@@ -303,8 +275,7 @@ def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint,
         return measure(integrator, problem)
 
     monkeypatch.setattr(accuracy, "observed_order", fail)
-    result = tdint("order", "--load", "free", "--method", "houbolt", "--method", "park")
-    assert result.exit_code == 5
+    result = tdint("order", "--load", "free", "--method", "houbolt", "--method", "park", code=5)
     assert column(result, "method") == ["park"]
     assert result.stderr == "Error: houbolt failed with dt 0.02 s\n"
     alone = tdint("order", "--load", "free", "--method", "houbolt")

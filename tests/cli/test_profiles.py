@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import Result
 
+from cli.conftest import Command
 from csv_rows import rows
 from tdint.campaign.profiles import Statistics
-
-Run = Callable[..., Result]
 
 STUDY = """\
 name: study
@@ -60,7 +58,7 @@ def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -
     return list(largest.values())
 
 
-def test_every_number_is_that_of_the_stories(study: Path, tdint: Run) -> None:
+def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> None:
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
     stories, found = rows("out/stories.csv"), rows("out/profiles.csv")
     assert Path("out/profiles.csv").read_text().splitlines()[0] == COLUMNS
@@ -84,7 +82,7 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Run) -> None:
         assert (row["runs"], row["collapsed"], row["failed"]) == ("3", "0", "0")
 
 
-def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Run) -> None:
+def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Command) -> None:
     """All values a little larger or smaller give other statistics: by so much these may be off, and no more."""
     text = Path("study.yaml").read_text().replace("{method: newmark-average}", "{method: moment4, check: true}")
     Path("study.yaml").write_text(text)
@@ -115,7 +113,7 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Ru
     assert list(summary["profiles"]["columns"])[-1] == "max_error"
 
 
-def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Run) -> None:
+def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command) -> None:
     """Not of the mean over motions of their worst stories, which is another number."""
     run = ("run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method", "newmark-average")
     tdint("campaign", "study.yaml", "-o", "out")
@@ -141,7 +139,7 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Run) ->
 
 
 def test_a_gate_does_not_pass_before_all_runs_are_done(
-    study: Path, tdint: Run, make_record: Callable[..., None]
+    study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
     """The limit is so wide that the whole study is within: parts of it end with 5 all the same, and without the gate
     with 0 and a warning that cannot be silenced."""
@@ -170,15 +168,14 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
     assert counted.exit_code == 2 and "the number of runs is --max-runs 3" in counted.stderr
 
 
-def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Run) -> None:
+def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) -> None:
     """One motion of three is made to collapse the building: the mean is that of the others, and beyond any limit."""
     Path("factors.csv").write_text(
         "record,component,factor\nmotion.mseed,,40\nother.mseed,,0.5\nthird.mseed,,0.6\n"
     )  # fmt: skip
     Path("weak.yaml").write_text(STIFF.replace("name: stiff", "name: weak\ncollapse_drift: 0.02"))
     run = ("run", "weak.yaml", *MOTIONS, "--units", "m/s^2", "--factors", "factors.csv")
-    result = tdint(*run, "-o", "out", "--limit", "50%", "--require")
-    assert result.exit_code == 5
+    result = tdint(*run, "-o", "out", "--limit", "50%", "--require", code=5)
     assert "of 3 motions 1 collapsed; the means are those of the 2 others" in result.stderr
     assert "beyond, for 1 of 3 motions collapsed or failed" in result.stderr
     found = [row for row in rows("out/profiles.csv") if row["quantity"] == "peak_drift" and row["story"] == "1"]
@@ -191,7 +188,7 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Run) -> N
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
-def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Run) -> None:
+def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) -> None:
     levels = "intensity: {measure: pga, levels: [0.1 g, 0.2 g]}"
     Path("study.yaml").write_text(STUDY.replace("intensity: {scales: [0.5, 1]}", levels))
     tdint("campaign", "study.yaml", "-o", "out")
@@ -210,7 +207,7 @@ def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Run) -> N
     assert float(row["mean"]) == pytest.approx(statistics.fmean(values), rel=1e-11)
 
 
-def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint: Run) -> None:
+def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint: Command) -> None:
     run = ("run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method", "newmark-average")
     tdint(*run, "-o", "si")
     tdint(*run, "-o", "mm", "--output-units", "kN,mm")
@@ -223,7 +220,7 @@ def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint
 
 @pytest.mark.usefixtures("laid_out")
 def test_a_mean_is_told_when_all_runs_are_done(
-    study: Path, tdint: Run, make_record: Callable[..., None]
+    study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:  # fmt: skip
     make_record(study / "motion.mseed", "HNE", "HNN", samples=6000)  # so long that there are several chunks
     tdint("campaign", "study.yaml", "-o", "part", "--shard", "1/2")
@@ -235,7 +232,7 @@ def test_a_mean_is_told_when_all_runs_are_done(
     assert Path("all/profiles.png").stat().st_size > 10_000
 
 
-def test_an_inventory_or_a_wish_goes_without(study: Path, tdint: Run) -> None:
+def test_an_inventory_or_a_wish_goes_without(study: Path, tdint: Command) -> None:
     Path("study.yaml").write_text(STUDY.replace("stories: true", "profiles: false"))
     tdint("campaign", "study.yaml", "-o", "out")
     assert not Path("out/profiles.csv").exists()
@@ -243,16 +240,15 @@ def test_an_inventory_or_a_wish_goes_without(study: Path, tdint: Run) -> None:
     assert result.exit_code == 5 and "outputs: {profiles: true}" in result.stderr
 
 
-def test_one_record_has_no_mean(study: Path, tdint: Run) -> None:
+def test_one_record_has_no_mean(study: Path, tdint: Command) -> None:
     result = tdint("run", "shaken.yaml", "--limit", "2%")
     assert result.exit_code == 2 and "the mean over several records" in result.stderr
     result = tdint("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require")
     assert result.exit_code == 2 and "--limit" in result.stderr
 
 
-def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
-    result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shaken", "--plot")
-    assert result.exit_code == 0, result.stderr
+def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
+    result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shaken", "--plot", code=0)
     profiles = {
         (row["building"], row["scale"], row["quantity"], row["story"]): row for row in rows("out/profiles.csv")
     }  # fmt: skip
@@ -276,7 +272,7 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
                 assert float(row[f"{name}_ratio"]) == pytest.approx(values[0] / values[1], rel=1e-10)
 
 
-def test_a_baseline_that_is_no_building(study: Path, tdint: Run) -> None:
+def test_a_baseline_that_is_no_building(study: Path, tdint: Command) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shakn")
     assert result.exit_code == 2 and "shaken" in result.stderr
 

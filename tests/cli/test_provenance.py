@@ -69,8 +69,7 @@ def test_what_a_table_came_from(folder, tdint, name):
     """The files that were read with their SHA-256, the options, what each column means, versions and sources."""
     _of_files(folder)
     words, inputs = CASES[name]
-    result = tdint(name, *words, "-o", "table.csv")
-    assert result.exit_code == 0, result.stderr
+    tdint(name, *words, "-o", "table.csv", code=0)
     about = json.loads((folder / "table.json").read_text())
     assert (about["schema"]["name"], about["command"]) == (f"tdint {name}", name)
     assert [one["file"] for one in about.get("inputs", [])] == inputs
@@ -87,22 +86,11 @@ def test_what_a_table_came_from(folder, tdint, name):
     assert (again.exit_code, again.stdout) == (0, ""), again.stderr
     assert "table.csv: the same, cell by cell" in again.stderr
     assert {file: file.read_bytes() for file in folder.iterdir()} == before
-
-
-@pytest.mark.parametrize("name", ["modes", "law", "inventory", "fragility", "order", "scale"])
-def test_it_is_the_same_again_and_replaces_nothing_foreign(folder, tdint, name):
-    _of_files(folder)
-    words = CASES[name][0]
-    for place in ("one", "two"):
-        assert tdint(name, *words, "-o", f"{place}/table.csv").exit_code == 0
-    one, two = ((folder / place / "table.json").read_text() for place in ("one", "two"))
-    assert one.replace("one/table.csv", "two/table.csv") == two  # arguments are as they were typed
-    (folder / "notes.json").write_text("mine")
-    result = tdint(name, *words, "-o", "notes.csv")
-    assert (result.exit_code, "notes.json: exists already" in result.stderr) == (6, True)
-    assert (folder / "notes.json").read_text() == "mine" and not (folder / "notes.csv").exists()
-    assert tdint(name, *words, "-o", "notes.csv", "--overwrite").exit_code == 0
-    assert json.loads((folder / "notes.json").read_text())["command"] == name
+    if name in ("modes", "law", "inventory", "fragility", "order", "scale"):  # what takes little time
+        (folder / "table.csv").unlink()
+        (folder / "table.json").unlink()
+        tdint(name, *words, "-o", "table.csv", code=0)
+        assert {file: file.read_bytes() for file in folder.iterdir()} == before
 
 
 def test_to_standard_output_there_is_no_file(folder, tdint):

@@ -36,8 +36,7 @@ def tables(folder):
     ("column", "names", "factor"), [((), ["Table", "Floor"], 1.0), (("--column", "floor"), ["Floor"], 3.0)]
 )
 def test_info_of_a_folder(tables, tdint, column, names, factor):
-    result = tdint("info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv")
-    assert result.exit_code == 0, result.stderr
+    result = tdint("info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv", code=0)
     found = rows((tables / "info.csv").read_text())
     assert [row["component"] for row in found] == names * 2
     assert float(found[0]["pga_m_s2"]) == pytest.approx(0.1 * factor * STANDARD_GRAVITY, rel=1e-3)
@@ -50,15 +49,13 @@ def test_spectra_of_a_folder(tables, tdint):
     for command in (("spectrum", "--period", "0.5"), ("drift-spectrum", "--period", "0.5", "--stories", "1")):
         result = tdint(command[0], "tables", *command[1:], *SAYS, "--column", "2")
         assert (result.exit_code, len(rows(result.stdout))) == (0, 2), result.stderr
-    rotated = tdint("spectrum", "tables/a.txt", "--period", "0.5", "--rotd", "50", *SAYS, "--column", "1,2")
-    assert rotated.exit_code == 0, rotated.stderr
+    tdint("spectrum", "tables/a.txt", "--period", "0.5", "--rotd", "50", *SAYS, "--column", "1,2", code=0)
 
 
 def test_run_by_the_model_and_by_options(tables, tdint):
     (tables / "m.yaml").write_text(MODEL)
     (tables / "bare.yaml").write_text(MODEL.replace(", column: Floor, skip_lines: 2", ""))
-    by_model = tdint("run", "m.yaml")
-    assert by_model.exit_code == 0, by_model.stderr
+    by_model = tdint("run", "m.yaml", code=0)
     assert tdint("run", "bare.yaml", "--column", "floor", "--skip-lines", "2").stdout == by_model.stdout
     assert tdint("run", "bare.yaml", "tables/a.txt", *SAYS, "--column", "2").stdout == by_model.stdout
     assert tdint("run", "m.yaml", "--column", "1").stdout != by_model.stdout

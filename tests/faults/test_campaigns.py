@@ -44,7 +44,7 @@ study = load_campaign("study.yaml")
 compile_for(make_plan(study, read_inputs(study)))
 random.seed(int(sys.argv[1]))
 kills = rounds = 0
-while kills < 100:
+while kills < 40:
     child = os.fork()
     if child == 0:
         campaign("out")
@@ -54,7 +54,7 @@ while kills < 100:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         kills += 1
-    elif kills < 100:  # it is done: once more from the start
+    elif kills < 40:  # it is done: once more from the start
         assert Path("out/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
         shutil.rmtree("out")
         rounds += 1
@@ -69,12 +69,12 @@ def study(folder):
     return folder
 
 
-def test_a_hundred_kills_leave_nothing_out_and_nothing_twice(study, start):
+def test_forty_kills_leave_nothing_out_and_nothing_twice(study, start):
     assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
     killer = subprocess.run(
         [sys.executable, "-c", KILLER, "17"], cwd=study, capture_output=True, text=True, timeout=600
     )
-    assert (killer.returncode, killer.stdout.split()[:1]) == (0, ["100"]), killer.stderr
+    assert (killer.returncode, killer.stdout.split()[:1]) == (0, ["40"]), killer.stderr
     assert start("campaign", "study.yaml", "-o", "out").end(300.0)[0] == 0
     for name in ("runs.csv", "stories.csv", "profiles.csv"):
         assert (study / "out" / name).read_bytes() == (study / "whole" / name).read_bytes()

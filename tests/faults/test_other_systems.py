@@ -119,4 +119,4 @@ def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, in_utf8, e
     ]:
         done = run(*command, PYTHONIOENCODING=encoding)
         assert (done.returncode, b"internal error" in done.stderr) == (code, False), done.stderr
-        assert done.stdout == in_utf8(*command)
+        assert done.stdout == in_utf8(*command)  # fmt: skip

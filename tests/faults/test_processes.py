@@ -24,20 +24,21 @@ def temporary(folder):
     ("number", "code"),
     [
         (signal.SIGTERM, 143),
-        pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow),  # of batches in tests/cli/test_batch.py, too
+        (signal.SIGINT, 130),
         pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],
 )
 def test_a_command_with_workers_that_is_ended(folder, start, number, code):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
-    os.kill(command.process.pid, number)
+    # Ctrl-C at a terminal goes to all processes.
+    (os.killpg if number == signal.SIGINT else os.kill)(command.process.pid, number)
     ended, _, words = command.end()
     assert ended == code, words
     command.nobody_is_left()
     if number != signal.SIGKILL:
         said = [line for line in words.splitlines() if line and "compiling" not in line]
-        assert said[-1] == {143: "Terminated", 130: "Interrupted"}[code] and "Traceback" not in words
+        assert said == [{143: "Terminated", 130: "Interrupted"}[code]]
         assert not temporary(folder)
     for name in tables(folder):
         assert (folder / "out" / name).read_text().endswith("\n")
@@ -66,12 +67,10 @@ def test_a_killed_worker(folder, start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("repeat", range(2))
-@pytest.mark.parametrize("which", [0, 1])
-@pytest.mark.parametrize("done", range(6))
-def test_a_killed_worker_again_and_again(folder, start, done, which, repeat):
-    """Either one, from the first record to the last but two."""
-    one_killed_worker(folder, start, done, which)
+@pytest.mark.parametrize("done", [1, 3, 5])
+def test_a_killed_worker_again_and_again(folder, start, done):
+    """From the first record to the last but two."""
+    one_killed_worker(folder, start, done, which=1)
 
 
 @pytest.mark.slow
@@ -85,15 +84,11 @@ def test_all_workers_killed_at_once(folder, start):
     assert len(tables(folder)) >= 6, words
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
-def test_a_run_that_is_ended_leaves_no_half_file(folder, start, number):
+def test_a_run_that_is_ended_leaves_no_half_file(folder, start):
     command = start("run", "model.yaml", "--history", "--plot", "-o", "out", "--dt", "2e-5")
     command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)
     if command.process.poll() is None:
-        os.kill(command.process.pid, number)
+        os.kill(command.process.pid, signal.SIGTERM)
     code = command.end()[0]
-    assert code in (0, 128 + number, -number)
-    if number == signal.SIGTERM:
-        assert not temporary(folder)
-        if code:
-            assert not (folder / "out" / "summary.json").exists()
+    assert code in (0, 143) and not temporary(folder)
+    assert not code or not (folder / "out" / "summary.json").exists()

@@ -26,20 +26,8 @@ OUTCOMES = REFUSED, DONE = "refused", "finite"
 _NUMBERS: tuple[Any, ...] = (0.01, 0.05, 0.2, 1.0, 2, np.float64(0.1), np.int64(2))
 _STRANGE: tuple[Any, ...] = (0, 0.0, -1, -0.0, 1e-308, 5e-324, 1e308, float("nan"), float("inf"), -np.inf, 10**30, 1e9)
 _TYPES: tuple[Any, ...] = (
-    "1",
-    "abc",
-    "",
-    True,
-    1j,
-    [],
-    [1.0],
-    {},
-    b"1",
-    np.array([1.0, 2.0]),
-    np.ma.masked,
-    object(),
-    (),
-)
+    "1", "abc", "", True, 1j, [], [1.0], {}, b"1", np.array([1.0, 2.0]), np.ma.masked, object(), (),
+)  # fmt: skip
 _NEVER_NUMBERS = ("ductility", "errors", "collapse", "residual_drift_ratio", "peak_drift_ratio", "height")
 """Fields that are nan where there is nothing to tell: a story without height, a law without yielding."""
 
@@ -114,13 +102,8 @@ def _scaled(source: random.Random) -> Any:
 
 def _many(source: random.Random) -> Any:
     names = (
-        "damping",
-        "stories.mass",
-        "stories[1].law.hardening",
-        "stories[2].mass",
-        "record.scale",
-        "strength_factor",
-    )
+        "damping", "stories.mass", "stories[1].law.hardening", "stories[2].mass", "record.scale", "strength_factor",
+    )  # fmt: skip
     strange = ("", "stories", "stories[0].mass", "stories[x].mass", "stories[1].law.", "storys.mass", "\x1b", 3, None)
     chosen = source.choices((*names, *strange) if source.random() < 0.3 else names, k=source.randrange(1, 4))
     options = {"product": _flag, "paired": _flag, "progress": lambda one: one.choice((False, len, _number(one)))}
@@ -145,9 +128,7 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         source.choice(("a.txt", "table.csv", "n.mseed", "a.txt", "a.txt", "none", "", "\0", 1.5, b"a.txt")),
         **_some(
             {
-                "units": _text("m/s^2"),
-                "component": _text("HNE", "2"),
-                "inventory": _text("a.txt", "none"),
+                "units": _text("m/s^2"), "component": _text("HNE", "2"), "inventory": _text("a.txt", "none"),
                 "layout": _layout,
             },
             source,
@@ -158,9 +139,7 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         _numbers(source),
         **_some(
             {
-                "damping": _number,
-                "method": _METHOD,
-                "maxima": _text("continuous", "samples"),
+                "damping": _number, "method": _METHOD, "maxima": _text("continuous", "samples"),
                 "interpolation": _text("linear", "band-limited"),
             },
             source,

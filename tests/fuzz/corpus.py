@@ -14,19 +14,10 @@ from ground_motion.test_archive import packed
 COUNT, STEP, PEAK, ALL = "number of samples", "sampling interval", "peak", "checksum"
 
 _OWN = {
-    "AFAD": {COUNT, PEAK},
-    "AT2": {COUNT},
-    "BHRC": {COUNT, STEP},
-    "COSMOS": {COUNT, PEAK},
-    "CSMIP": {COUNT, PEAK},
-    "CWB": {COUNT, STEP, PEAK},
-    "ESM": {COUNT, PEAK},
-    "GEONET": {COUNT, STEP, PEAK},
-    "SMC": {COUNT, PEAK},
-    "TEXT": set(),
-    "UNAM": {COUNT, PEAK},
-    "USC": {COUNT},
-}
+    "AFAD": {COUNT, PEAK}, "AT2": {COUNT}, "BHRC": {COUNT, STEP}, "COSMOS": {COUNT, PEAK}, "CSMIP": {COUNT, PEAK},
+    "CWB": {COUNT, STEP, PEAK}, "ESM": {COUNT, PEAK}, "GEONET": {COUNT, STEP, PEAK}, "SMC": {COUNT, PEAK},
+    "TEXT": set(), "UNAM": {COUNT, PEAK}, "USC": {COUNT},
+}  # fmt: skip
 """What each of tdint's own formats states twice, so that a change of it alone can be told."""
 
 _RECORDERS = {

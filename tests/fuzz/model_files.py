@@ -67,20 +67,28 @@ def damaged(text: str, seed: int) -> str:
 
 def outcome(original: str, text: str) -> str:
     """What becomes of a damaged model file, within a sandbox; raises Failure."""
-    try:
-        model = load_model(io.StringIO(text))
-    except ModelError as error:
-        _check_faults(error, text)
+    model = sound(text)
+    if model is None:
         return REFUSED
-    except Exception as error:
-        raise Failure(f"{type(error).__name__}: {error}") from error
-    _check_sound(model)
     if _same(model, _loaded(original)):
         return SAME
     content = text.encode("utf-8", "surrogateescape")
     said = run(["run", "-", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"], content)
     run(["modes", "-"], content)
     return RUNS if said == "done" else FAILS
+
+
+def sound(text: str) -> Model | None:
+    """The model of a text, which is sound; or None, where every fault has a place in it. Raises Failure."""
+    try:
+        model = load_model(io.StringIO(text))
+    except ModelError as error:
+        _check_faults(error, text)
+        return None
+    except Exception as error:
+        raise Failure(f"{type(error).__name__}: {error}") from error
+    _check_sound(model)
+    return model
 
 
 @functools.cache
@@ -100,13 +108,18 @@ def _check_faults(error: ModelError, text: str) -> None:
 
 
 def _check_sound(model: Model) -> None:
+    count = len(model.stories)
     numbers = [model.collapse_drift, *model.initial.displacement, *model.initial.velocity]
+    whole = count > 0 and model.collapse_drift > 0.0
     for story in model.stories[:10]:
-        numbers += [story.mass, story.stiffness, story.dashpot if isinstance(story.dashpot, float) else 0.0]
-        if not (story.mass > 0.0 and story.stiffness > 0.0):
-            raise Failure(f"a story without mass or stiffness: {story}")
+        numbers += [story.mass, story.stiffness, story.dashpot, *story.law.parameters]
+        whole &= story.mass > 0.0 and story.stiffness > 0.0 and story.dashpot >= 0.0
+        whole &= bool(not model.p_delta or story.height)
     for force in model.excitation.forces:
         numbers += [force.cosine, force.sine, force.omega]
+        whole &= 1 <= force.floor <= count
+    if not whole or not len(model.initial.displacement) == len(model.initial.velocity) == count:
+        raise Failure(f"a story, a force or a start that is none: {model}"[:500])
     if not all(map(math.isfinite, numbers)):
         raise Failure(f"numbers that are not finite: {model}"[:500])
 

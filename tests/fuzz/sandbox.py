@@ -51,14 +51,8 @@ analysis: {method: exact, duration: 0.3}
 }
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"
 STRANGE_NAMES = (
-    "=cmd().txt",
-    "esc\x1b[31m.txt",
-    "two\nlines.txt",
-    "-dash.txt",
-    "\u202e.txt",
-    "caf\udce9.txt",
-    "inf.txt",
-)
+    "=cmd().txt", "esc\x1b[31m.txt", "two\nlines.txt", "-dash.txt", "\u202e.txt", "caf\udce9.txt", "inf.txt",
+)  # fmt: skip
 """Names of sound records that a table or a terminal must not be given as they are."""
 
 OUTPUT, OLD = "out", "old.csv"

@@ -125,12 +125,5 @@ def _emptied(file: Path, source: random.Random) -> None:
 
 
 DAMAGES: tuple[Callable[[Path, random.Random], None], ...] = (
-    _bytes,
-    _bytes,
-    _page,
-    _row,
-    _row,
-    _row,
-    _beside,
-    _emptied,
-)
+    _bytes, _bytes, _page, _row, _row, _row, _beside, _emptied,
+)  # fmt: skip

@@ -15,22 +15,8 @@ from fuzz.study_files import CAMPAIGN, COMPARE
 
 _NUMBER = re.compile(r"(?<![\w.+-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _NUMBERS = (
-    "0",
-    "1",
-    "-1",
-    "3",
-    "0.01",
-    "0.5",
-    "100",
-    "1e5",
-    "1e9",
-    "1e-9",
-    "1e100",
-    "-1e100",
-    "1e308",
-    "1e-308",
-    "5e-324",
-)
+    "0", "1", "-1", "3", "0.01", "0.5", "100", "1e5", "1e9", "1e-9", "1e100", "-1e100", "1e308", "1e-308", "5e-324",
+)  # fmt: skip
 
 _COMPARE = [("compare", *one) for one in COMPARE]
 _FIT = [("compare", *one, "--fit", "stiffness") for one in COMPARE[:1]]

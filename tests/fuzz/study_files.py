@@ -14,13 +14,10 @@ def _wave(period: float, peak: float, step: float = _STEP) -> list[float]:
 def _history() -> str:
     """A table of a base and two floors, as `tdint run --history` writes them."""
     columns = {
-        "time_s": [round(_STEP * i, 6) for i in range(_COUNT)],
-        "ground_acceleration_m_s2": _wave(0.4, 2.0),
-        "floor_1_displacement_m": _wave(0.35, 0.01),
-        "floor_2_absolute_acceleration_m_s2": _wave(0.3, 4.0),
-        "floor_2_velocity_m_s": _wave(0.3, 0.2),
-        "roof": _wave(0.5, 0.3),
-    }
+        "time_s": [round(_STEP * i, 6) for i in range(_COUNT)], "ground_acceleration_m_s2": _wave(0.4, 2.0),
+        "floor_1_displacement_m": _wave(0.35, 0.01), "floor_2_absolute_acceleration_m_s2": _wave(0.3, 4.0),
+        "floor_2_velocity_m_s": _wave(0.3, 0.2), "roof": _wave(0.5, 0.3),
+    }  # fmt: skip
     rows = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
     return "\n".join([",".join(columns), *rows, ""])
 

@@ -62,15 +62,9 @@ def at2(values=None, npts=None, step="NPTS=  {n}, DT= .00500 SEC", each=5, units
 def free_at2():
     """Free lines before NPTS, words after the values."""
     return text(
-        "Some motion, 1940",
-        "120 points at equal spacing of 0.02 sec",
-        "The units are (g)",
-        "*** Begin data ***",
-        "NPTS=  120, DT= .02000 SEC",
-        columns(motion(), 8, "9.5f"),
-        "*** End Data ***",
-        "",
-    )
+        "Some motion, 1940", "120 points at equal spacing of 0.02 sec", "The units are (g)", "*** Begin data ***",
+        "NPTS=  120, DT= .02000 SEC", columns(motion(), 8, "9.5f"), "*** End Data ***", "",
+    )  # fmt: skip
 
 
 def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, npts=None, blocks=None, channel="1: 340"):

@@ -64,15 +64,11 @@ class TestAt2:
     @pytest.mark.parametrize(
         "step",
         [
-            "NPTS=  {n}, DT= .00500 SEC",
-            "NPTS=   {n}, DT=   .0050 SEC,        ",
-            "NPTS= {n} DT= 5.0E-3",
-            "npts: {n}; dt: 0.005",
-            "  {n}    0.0050    NPTS, DT",
-            "{n}, .005 NPTS, DT",
+            "NPTS=  {n}, DT= .00500 SEC", "NPTS=   {n}, DT=   .0050 SEC,        ", "NPTS= {n} DT= 5.0E-3",
+            "npts: {n}; dt: 0.005", "  {n}    0.0050    NPTS, DT", "{n}, .005 NPTS, DT",
             "NPT = {n} , DT = .005 SEC, , SCALED FACTOR = 2",
         ],
-    )
+    )  # fmt: skip
     @pytest.mark.parametrize("each", [1, 5, 8, 1000])
     def test_spellings_and_columns(self, step, each):
         trace = only(files.at2(step=step, each=each))

@@ -63,12 +63,9 @@ class TestSac:
     def test_sound(self, data):
         compared = read_contents(bytes(data), "file").compared
         assert set(compared) == {
-            "number of samples",
-            "length (time of the last sample)",
-            "peak (smallest sample)",
-            "peak (largest sample)",
+            "number of samples", "length (time of the last sample)", "peak (smallest sample)", "peak (largest sample)",
             "mean",
-        }
+        }  # fmt: skip
 
     @pytest.mark.parametrize(
         ("word", "value", "match"),

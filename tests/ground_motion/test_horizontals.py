@@ -47,18 +47,11 @@ def test_which_components_are_vertical():
 @pytest.mark.parametrize(
     ("names", "found"),
     [
-        (("HNE", "HNN", "HNZ"), "HNN+HNE"),
-        (("HN1", "HN2"), "HN1+HN2"),
-        (("HNZ", "HN2", "HN1"), "HN2+HN1"),
-        (("EW", "NS", "UD"), "NS+EW"),
-        (("67", "UP", "337"), "337+67"),
-        (("360", "90"), "360+90"),
-        (("S16W", "S74E"), "S74E+S16W"),
-        (("0", "270"), "270+0"),
-        (("93", "0"), "0+93"),
-        (("X", "Y", "Z"), "X+Y"),
+        (("HNE", "HNN", "HNZ"), "HNN+HNE"), (("HN1", "HN2"), "HN1+HN2"), (("HNZ", "HN2", "HN1"), "HN2+HN1"),
+        (("EW", "NS", "UD"), "NS+EW"), (("67", "UP", "337"), "337+67"), (("360", "90"), "360+90"),
+        (("S16W", "S74E"), "S74E+S16W"), (("0", "270"), "270+0"), (("93", "0"), "0+93"), (("X", "Y", "Z"), "X+Y"),
     ],
-)
+)  # fmt: skip
 def test_pairs(names, found):
     """By azimuth the second component lies 90 degrees clockwise of the first."""
     pair = find_horizontals([record(name) for name in names])
@@ -113,20 +106,13 @@ def test_the_end_that_one_alone_has_is_left_out(samples, words):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"),
-        ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
-        ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"),
-        ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
-        ("H-E01140.AT2", "H-E01230.AT2"),
-        ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"),
-        ("a/site_N.csv", "a/site_E.csv"),
-        ("site_EW.txt.gz", "site_NS.txt.gz"),
-        ("RSN1-H1.txt", "RSN1-H2.txt"),
-        ("RSN1_X000.AT2", "RSN1_X090.AT2"),
-        ("GM1_FN.AT2", "GM1_FP.AT2"),
-        ("site.N.txt", "site.Z.txt"),
+        ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"), ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
+        ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"), ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
+        ("H-E01140.AT2", "H-E01230.AT2"), ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"), ("a/site_N.csv", "a/site_E.csv"),
+        ("site_EW.txt.gz", "site_NS.txt.gz"), ("RSN1-H1.txt", "RSN1-H2.txt"), ("RSN1_X000.AT2", "RSN1_X090.AT2"),
+        ("GM1_FN.AT2", "GM1_FP.AT2"), ("site.N.txt", "site.Z.txt"),
     ],
-)
+)  # fmt: skip
 def test_files_of_one_motion(one, other):
     assert motion_name(one) == motion_name(other)
 
@@ -134,18 +120,12 @@ def test_files_of_one_motion(one, other):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        ("a/x.EW", "b/x.NS"),
-        ("x.EW1", "x.NS2"),
-        ("record001.mseed", "record002.mseed"),
-        ("A.AT2", "B.AT2"),
-        ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
-        ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
-        ("site_N.csv", "site_E.txt"),
-        ("site_N.csv", "site.csv"),
-        ("record_000.csv", "record_090.csv"),
+        ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"), ("A.AT2", "B.AT2"),
+        ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"), ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
+        ("site_N.csv", "site_E.txt"), ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"),
         ("one.N", "one.E"),
     ],
-)
+)  # fmt: skip
 def test_files_of_different_motions(one, other):
     assert motion_name(one) != motion_name(other)
 

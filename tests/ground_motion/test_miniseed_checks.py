@@ -153,14 +153,10 @@ class TestMiniSeedByHand:
     @pytest.mark.parametrize(
         ("field", "least", "most"),
         [
-            ("year", 1900, 2100),
-            ("day", 1, 366),
-            ("hour", 0, 23),
-            ("minute", 0, 59),
-            ("second", 0, 60),
+            ("year", 1900, 2100), ("day", 1, 366), ("hour", 0, 23), ("minute", 0, 59), ("second", 0, 60),
             ("fraction", 0, 9999),
         ],
-    )
+    )  # fmt: skip
     @pytest.mark.parametrize("order", [">", "<"])
     def test_times_that_there_are(self, order, field, least, most):
         for value in (least, most):

@@ -72,13 +72,8 @@ def test_every_step_is_told_and_the_rest_is_kept():
     np.testing.assert_array_equal(before.acceleration, copy)
     assert after.notes == ("before", *after.processing)
     assert [note.split()[0] for note in after.processing] == [
-        "trimmed",
-        "a",
-        "padded",
-        "highpass",
-        "lowpass",
-        "resampled",
-    ]
+        "trimmed", "a", "padded", "highpass", "lowpass", "resampled",
+    ]  # fmt: skip
     assert (after.id, after.component, after.source, after.units) == ("TD.X..HNE", "HNE", "x.mseed", "g (file)")
     assert (after.dt, after.start) == (0.02, "2024-01-01T00:00:09.000000Z")
     with pytest.raises(FrozenInstanceError):
@@ -108,13 +103,10 @@ def test_all_steps_are_linear(factor, seed):
 @pytest.mark.parametrize(
     ("part", "first", "last"),
     [
-        ((0.5, 1.0), 50, 100),
-        ((None, 1.0), 0, 100),
-        ((0.5, None), 50, 200),
-        ((0.0, 2.0), 0, 200),
+        ((0.5, 1.0), 50, 100), ((None, 1.0), 0, 100), ((0.5, None), 50, 200), ((0.0, 2.0), 0, 200),
         ((0.495, 0.515), 50, 51),
     ],
-)
+)  # fmt: skip
 def test_trim_keeps_the_samples_within(part, first, last):
     before = record(np.arange(201.0))
     after = process(before, trim=part)
@@ -262,7 +254,7 @@ def test_texts_of_the_command_line():
         (parse_pad, ""),
     ):
         with pytest.raises(UsageError, match="must be"):
-            parse(text)
+            parse(text)  # fmt: skip
 
 
 def test_one_setting_over_another():

@@ -252,28 +252,12 @@ class TestUnits:
     @pytest.mark.parametrize(
         ("text", "scale"),
         [
-            ("m/s^2", 1.0),
-            ("m/s2", 1.0),
-            ("m/s**2", 1.0),
-            ("M/S**2", 1.0),
-            ("m/s/s", 1.0),
-            ("m/sec^2", 1.0),
-            ("m/s²", 1.0),
-            ("cm/s^2", 0.01),
-            ("CM/SEC/SEC", 0.01),
-            ("gal", 0.01),
-            ("Gal", 0.01),
-            ("gals", 0.01),
-            ("mm/s2", 0.001),
-            ("g", STANDARD_GRAVITY),
-            ("G", STANDARD_GRAVITY),
-            ("2.38e-6 m/s^2", 2.38e-6),
-            ("2.38E-6m/s2", 2.38e-6),
-            (" .5 g ", 0.5 * STANDARD_GRAVITY),
-            ("1. gal", 0.01),
-            ("3*mm/s^2", 0.003),
+            ("m/s^2", 1.0), ("m/s2", 1.0), ("m/s**2", 1.0), ("M/S**2", 1.0), ("m/s/s", 1.0), ("m/sec^2", 1.0),
+            ("m/s²", 1.0), ("cm/s^2", 0.01), ("CM/SEC/SEC", 0.01), ("gal", 0.01), ("Gal", 0.01), ("gals", 0.01),
+            ("mm/s2", 0.001), ("g", STANDARD_GRAVITY), ("G", STANDARD_GRAVITY), ("2.38e-6 m/s^2", 2.38e-6),
+            ("2.38E-6m/s2", 2.38e-6), (" .5 g ", 0.5 * STANDARD_GRAVITY), ("1. gal", 0.01), ("3*mm/s^2", 0.003),
         ],
-    )
+    )  # fmt: skip
     def test_spellings(self, text, scale):
         assert parse_units(text).scale == pytest.approx(scale, rel=1e-15)
         assert parse_units(text).has_factor == any(c in text for c in ".3")

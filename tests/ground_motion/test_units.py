@@ -71,13 +71,10 @@ class TestOtherUnits:
     @pytest.mark.parametrize(
         ("text", "scale", "quantity"),
         [
-            ("in/s^2", 0.0254, "acceleration"),
-            ("ft/sec2", 0.3048, "acceleration"),
-            ("cm/s", 0.01, "velocity"),
-            ("1e-3 in/s", 2.54e-5, "velocity"),
-            ("mm", 1e-3, "displacement"),
+            ("in/s^2", 0.0254, "acceleration"), ("ft/sec2", 0.3048, "acceleration"), ("cm/s", 0.01, "velocity"),
+            ("1e-3 in/s", 2.54e-5, "velocity"), ("mm", 1e-3, "displacement"),
         ],
-    )
+    )  # fmt: skip
     def test_quantity(self, text, scale, quantity):
         units = parse_units(text)
         assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), quantity)

@@ -387,15 +387,10 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
     own = wanted.request[1]
     name = Path(own).name
     text = [
-        "Traceback",
-        f'  File "/a/b/{name}", line 3, in scaled',
-        f'  File "C:\\a\\{name}", line 17, in scaled',
-        '  File "/a/b/other.py", line 99, in scaled',
-        "Failed in nopython mode pipeline",
-        "  ",
-        "  cannot unify float64 and int64  ",
-        "During: typing of assignment",
-    ]
+        "Traceback", f'  File "/a/b/{name}", line 3, in scaled', f'  File "C:\\a\\{name}", line 17, in scaled',
+        '  File "/a/b/other.py", line 99, in scaled', "Failed in nopython mode pipeline", "  ",
+        "  cannot unify float64 and int64  ", "During: typing of assignment",
+    ]  # fmt: skip
     assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
     assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
     assert wanted.reason(["NameError", "name 'nowhere' is not defined"]) == f"{own}: name 'nowhere' is not defined"

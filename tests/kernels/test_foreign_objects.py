@@ -92,16 +92,12 @@ def test_an_unknown_target_is_refused():
 @pytest.mark.parametrize(
     ("triple", "families"),
     [
-        ("powerpc64le-unknown-linux-gnu", set()),
-        ("riscv64-unknown-linux-gnu", set()),
-        ("s390x-ibm-linux-gnu", set()),
-        ("i686-pc-linux-gnu", set()),
-        ("armv7l-unknown-linux-gnueabihf", set()),
-        ("aarch64-unknown-linux-gnu", {AARCH64}),
-        ("arm64-apple-darwin23.1.0", {AARCH64}),
+        ("powerpc64le-unknown-linux-gnu", set()), ("riscv64-unknown-linux-gnu", set()), ("s390x-ibm-linux-gnu", set()),
+        ("i686-pc-linux-gnu", set()), ("armv7l-unknown-linux-gnueabihf", set()),
+        ("aarch64-unknown-linux-gnu", {AARCH64}), ("arm64-apple-darwin23.1.0", {AARCH64}),
         ("x86_64-unknown-linux-gnu", {"x86-64-v2", "x86-64"}),
     ],
-)
+)  # fmt: skip
 def test_a_processor_is_given_the_objects_of_its_own_family(monkeypatch, triple, families):
     """A stand-in triple: on a processor that no object is made for, only what was compiled there is loaded."""
     features = dict.fromkeys(LEVELS["x86-64-v2"], True)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.static import follow_path
-from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law, simple_model, simple_story
+from law_paths import along
+from tdint.model.definition import LAWS, Law
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
 """Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;
@@ -47,12 +46,6 @@ CASES = {
 }
 
 
-def imposed(law, drifts):
-    """A story along a path, from rest."""
-    building = assemble(simple_model("one", [simple_story(1.0, law)]))
-    return follow_path(building, 1, np.asarray(drifts, float))
-
-
 def loops():
     with LOOPS.open() as file:
         groups = groupby(csv.DictReader(file), key=lambda row: (row["case"], row["path"]))
@@ -68,7 +61,7 @@ def loops():
 def test_loops_of_opensees(case, rows):
     """The work there is summed by trapezoids over steps that pass the bends of the path."""
     drift, force, work = np.transpose(rows)
-    path = imposed(CASES[case], [0.0, *drift])
+    path = along(CASES[case], [0.0, *drift])
     assert np.max(np.abs(path.shear[1:] - force)) < 1e-6
     assert np.max(np.abs((path.recoverable + path.dissipated)[1:] - work)) < 2e-5
 
@@ -76,31 +69,31 @@ def test_loops_of_opensees(case, rows):
 def test_a_loop_by_hand():
     """Backbone (1, 1), (3, 2), then flat. From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a
     quarter of the force, no farther from (-1, -1) than the line of k, up to that."""
-    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9])
+    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9])
     pinched = -0.1 - 0.15 * (0.9 - 0.2) / (0.9 + 0.25)
     assert path.shear == pytest.approx([0, 1, 2, -0.1, pinched, -0.25, -0.5, -1, -1.5, 2.0], abs=1e-12)
 
 
 def test_the_way_to_a_point_of_reloading_that_lies_before_the_unloading_one():
     """Without pinching of the drift it lies on the axis: from (1.01, 1.005) straight to a quarter of the force."""
-    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.0, 0.25, 0.05)), [0, 1.01, 0.505, 0, -0.5, -1])
+    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.0, 0.25, 0.05)), [0, 1.01, 0.505, 0, -0.5, -1])
     assert path.shear == pytest.approx([0, 1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1], abs=1e-12)
 
 
 def test_an_unloading_force_above_that_of_reloading_by_hand():
     """0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off their mean, each on the line that it was on."""
-    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.5, 0.3, 0.2)), [0, 3, 0.6535, -0.3535, -1])
+    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.5, 0.3, 0.2)), [0, 3, 0.6535, -0.3535, -1])
     assert path.shear == pytest.approx([0, 2, -0.3465, -0.3535, -1], abs=1e-12)
 
 
 def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
     """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is beyond the capacity."""
     points, drifts = ((1, 1), (3, 2), (5, 2), (7, 2)), [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
-    intact = imposed(multilinear(points), drifts)
+    intact = along(multilinear(points), drifts)
     work = intact.recoverable + intact.dissipated
     assert max(*work[1:3], work[4]) < 4.0 < work[3]
     lost = (*INTACT[:5], 0.0, 0.0, 1.0, 1.0, 0.2, *INTACT[:5], 4.0 / (0.5 + 3.0 + 4.0 * 2.0))
-    path = imposed(multilinear(points, degradation=lost), drifts)
+    path = along(multilinear(points, degradation=lost), drifts)
     assert path.shear[:4] == pytest.approx(intact.shear[:4], abs=1e-12)
     assert path.shear[5:] == pytest.approx([0.5, 1.25, 2.0, 2.0], abs=1e-12)
 
@@ -108,7 +101,7 @@ def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
 def test_small_turns_on_the_pinched_part_by_hand():
     """Of the loop above: back from 0.5 by the straight line to (3, 2), and from 0.51, where the force is beyond 0.05 F3
     already, straight to where reloading begins."""
-    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 3, 0.5, 0.51, 0.13, -0.25, -1])
+    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 3, 0.5, 0.51, 0.13, -0.25, -1])
     pinched = -0.1 - 0.15 * (0.9 - 0.5) / (0.9 + 0.25)
     back = pinched + 0.01 * (2.0 - pinched) / 2.5
     on = back - (0.25 + back) * (0.51 - 0.13) / (0.51 + 0.25)
@@ -120,7 +113,7 @@ def test_steps_do_not_matter():
     for law in CASES.values():
         corners = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
         ways = [np.linspace(a, b, 8)[1:] for a, b in pairwise([0.0, *corners])]
-        coarse, fine = imposed(law, [0.0, *corners]), imposed(law, [0.0, *np.concatenate(ways)])
+        coarse, fine = along(law, [0.0, *corners]), along(law, [0.0, *np.concatenate(ways)])
         assert fine.shear[7::7] == pytest.approx(coarse.shear[1:], abs=1e-10)
         done = [path.recoverable + path.dissipated for path in (coarse, fine)]
         assert done[1][7::7] == pytest.approx(done[0][1:], abs=1e-9)
@@ -130,7 +123,7 @@ def test_steps_do_not_matter():
 def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
     """From each place of the way back, after four turns: the area under the forces that follow on it."""
     corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
-    path = imposed(CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])])
+    path = along(CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])])
     middles = 0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift)
     for turned in range(2000, 8000, 2000):
         back = path.shear[turned:] * np.sign(path.shear[turned]) > 0.0
@@ -150,7 +143,7 @@ def test_it_stiffens_where_a_later_line_is_steeper_than_the_first(points, stiffe
 
 
 def test_nothing_is_carried_beyond_the_ultimate_drift():
-    path = imposed(multilinear(UNEVEN, ultimate=10.0), [0.0, 9.9, 10.1, 5.0, 0.0, -3.0])
+    path = along(multilinear(UNEVEN, ultimate=10.0), [0.0, 9.9, 10.1, 5.0, 0.0, -3.0])
     assert path.shear[1] > 0.9
     assert np.all(path.shear[2:] == 0.0)
     assert path.recoverable[-1] == 0.0
@@ -159,8 +152,8 @@ def test_nothing_is_carried_beyond_the_ultimate_drift():
 def test_nothing_degrades_before_the_first_yielding():
     """Cycles below it, though the work done there is not zero."""
     cycles = np.tile([0.9, -0.9], 20)
-    degrading = imposed(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
-    assert degrading.shear == pytest.approx(imposed(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12)
+    degrading = along(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
+    assert degrading.shear == pytest.approx(along(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12)
 
 
 def uneven(random):
@@ -185,7 +178,7 @@ def test_settled_cycles_make_no_energy(seed):
     """Between any two turns, after any history, with sides of any kind: where 0 <= unloading < force."""
     random = np.random.default_rng(seed)
     law, before, between = uneven(random), random.uniform(-30.0, 30.0, 8), random.uniform(-25.0, 25.0, 2)
-    path = imposed(law, [0.0, *before, *np.tile(between, 250)])
+    path = along(law, [0.0, *before, *np.tile(between, 250)])
     work = path.recoverable + path.dissipated
     assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
 
@@ -193,7 +186,7 @@ def test_settled_cycles_make_no_energy(seed):
 def test_where_a_settled_cycle_makes_energy():
     """Unloading that stops before zero force, above the force of reloading: what the README warns of."""
     points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
-    path = imposed(multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)])
+    path = along(multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)])
     work = path.recoverable + path.dissipated
     assert work[-1] - work[-3] < -5.0
 
@@ -212,6 +205,6 @@ def even(random):
 def test_no_energy_is_made(seed):
     """What a turn would give back is never more than what was done since rest."""
     random = np.random.default_rng(seed)
-    path = imposed(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])
+    path = along(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])
     assert np.min(path.dissipated) >= -1e-12
     assert np.min(path.recoverable) >= 0.0

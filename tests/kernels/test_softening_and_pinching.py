@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tdint.analysis.static import follow_path
-from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from law_paths import along
+from tdint.model.definition import Law
 
 LOOPS = os.environ.get("TDINT_LAW_LOOPS")
 """A folder with law_loops.csv: loops of other programs, in units of yield drift and force."""
@@ -21,8 +20,7 @@ LOOPS = os.environ.get("TDINT_LAW_LOOPS")
 
 def imposed(law, drifts):
     """A story with stiffness and yield force 1 along a path, from rest."""
-    building = assemble(simple_model("one", [simple_story(1.0, law, stiffness=1.0)]))
-    return follow_path(building, 1, np.asarray(drifts, float))
+    return along(law, drifts, stiffness=1.0)
 
 
 def trilinear(ultimate=3.0, drift=20.0, pinching=0.5, unloading=0.3):

@@ -8,7 +8,6 @@ import pytest
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, load, matrices
 from tdint.analysis.run.run import run
-from tdint.analysis.run.workspace import amplification
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
@@ -54,24 +53,6 @@ def bathe_2007_step(gamma, M, C, K, h, u0, v0, a0, p_inner, p1):
     u1 = np.linalg.solve(c3**2 * M + c3 * C + K, p1 - M @ past_a - C @ past_v)
     v1 = past_v + c3 * u1
     return u1, v1, c1 * v0 + c2 * v_inner + c3 * v1
-
-
-@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
-@pytest.mark.parametrize("method", METHODS)
-def test_amplification_matrix_is_that_of_the_formulas(method, xi):
-    h = 0.02
-    integrator = parse(method)
-    scale = h ** np.arange(3.0)
-    for omega_h in (0.01, 0.3, 2.0, 10.0, 300.0):
-        omega = omega_h / h
-        M, C, K = np.ones((1, 1)), np.full((1, 1), 2.0 * xi * omega), np.full((1, 1), omega**2)
-        zero = np.zeros(1)
-        want = np.array([
-            dense_step(integrator.values, M, C, K, h, *unit[:, None], zero, zero) for unit in np.eye(3)
-        ])[:, :, 0].T  # fmt: skip
-        got = amplification(integrator, np.array([omega]), np.array([xi]), h)[0]
-        difference = (got - want) * scale[:, None] / scale
-        np.testing.assert_allclose(difference, 0.0, atol=1e-10 * max(1.0, omega_h))
 
 
 @pytest.mark.parametrize("gamma", [0.1, 0.5, 2.0 - math.sqrt(2.0), 0.9])

@@ -8,12 +8,9 @@ from references import drifts, exact_linear, orders
 from tdint import run
 
 DAMPINGS = {
-    "rayleigh": RayleighRatio((0.05, 0.05), (1, 3)),
-    "coefficients": RayleighCoefficients(0.2, 0.001),
-    "modal": ModalDamping((0.05,)),
-    "some modes": ModalDamping((0.05, 0.02, 0.1)),
-    "none": None,
-}
+    "rayleigh": RayleighRatio((0.05, 0.05), (1, 3)), "coefficients": RayleighCoefficients(0.2, 0.001),
+    "modal": ModalDamping((0.05,)), "some modes": ModalDamping((0.05, 0.02, 0.1)), "none": None,
+}  # fmt: skip
 
 
 def drift_errors(building, method, halvings):

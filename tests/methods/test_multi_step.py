@@ -6,7 +6,6 @@ import pytest
 from building_cases import noise, oscillator
 from step_checks import RAYLEIGH, building, load, matrices
 from tdint.analysis.run.run import run
-from tdint.analysis.run.workspace import amplification, spectral_radius
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
@@ -16,44 +15,6 @@ METHODS = ("houbolt", "park")
 HOUBOLT_V = np.array([11.0, -18.0, 9.0, -2.0]) / 6.0
 HOUBOLT_A = np.array([2.0, -5.0, 4.0, -1.0])
 PARK = np.array([10.0, -15.0, 6.0, -1.0]) / 6.0
-
-
-def houbolt_matrix(omega, xi, h):
-    """Of (u0, u_-1, u_-2)."""
-    line = HOUBOLT_A / h**2 + 2.0 * xi * omega * HOUBOLT_V / h
-    line[0] += omega**2
-    return np.vstack([-line[1:] / line[0], np.eye(3)[:2]])
-
-
-def park_matrix(omega, xi, h):
-    """Of (u0, u_-1, u_-2, v0, v_-1, v_-2)."""
-    left = np.array([[PARK[0] / h, -1.0], [omega**2, 2.0 * xi * omega + PARK[0] / h]])
-    u1, v1 = np.linalg.solve(left, -np.kron(np.eye(2), PARK[1:]) / h)
-    unit = np.eye(6)
-    return np.array([u1, unit[0], unit[1], v1, unit[3], unit[4]])
-
-
-def memory_to_older(method, h):
-    """From the memory (u0 and the mean rates over the last two steps; for Park v0 and its too) to u0, u_-1, u_-2."""
-    one = np.array([[1.0, 0.0, 0.0], [1.0, -h, 0.0], [1.0, -h, -h]])
-    return one if method == "houbolt" else np.kron(np.eye(2), one)
-
-
-@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
-@pytest.mark.parametrize("method", METHODS)
-def test_amplification_matrix_is_that_of_the_formulas(method, xi):
-    h = 0.02
-    integrator = parse(method)
-    family = integrator.family
-    scale = h ** np.array([family.derivatives[row] for row in family.memory], float)
-    transform = memory_to_older(method, h)
-    for omega_h in (0.01, 0.3, 2.0, 10.0, 300.0):
-        matrix = (houbolt_matrix if method == "houbolt" else park_matrix)(omega_h / h, xi, h)
-        want = np.linalg.solve(transform, matrix @ transform)
-        got = amplification(integrator, np.array([omega_h / h]), np.array([xi]), h)[0]
-        np.testing.assert_allclose(got * scale[:, None] / scale, want * scale[:, None] / scale, rtol=0.0, atol=1e-10)
-        radius = np.max(np.abs(np.linalg.eigvals(matrix)))
-        assert spectral_radius(integrator, np.array([omega_h / h]), np.array([xi]), h)[0] == pytest.approx(radius, 1e-5)
 
 
 def by_formulas(method, case, record, steps):

@@ -64,15 +64,11 @@ def test_what_the_schema_refuses_the_reader_refuses(text: str) -> None:
 @pytest.mark.parametrize(
     "law",
     [
-        "bilinear",
-        {"type": "bilinear", "yield_force": 1},
-        {"type": "bilinear", "yield_force": 1, "hardening": 1},
-        {"type": "linear", "hardening": 0},
-        {"type": "polynomial", "coefficients": []},
-        {"type": "imk", "yield_force": 1},
-        {"yield_force": 1},
+        "bilinear", {"type": "bilinear", "yield_force": 1}, {"type": "bilinear", "yield_force": 1, "hardening": 1},
+        {"type": "linear", "hardening": 0}, {"type": "polynomial", "coefficients": []},
+        {"type": "imk", "yield_force": 1}, {"yield_force": 1},
     ],
-)
+)  # fmt: skip
 def test_laws_that_are_none(law: object) -> None:
     model = {"stories": [{"mass": 1, "stiffness": 1, "law": law}]}
     assert not valid(model, SCHEMA) and refused(model)
@@ -87,7 +83,7 @@ def test_one_of_some_keys() -> None:
         {"stories": [{**story, "weight": 1}]},
         {"stories": [story], "damping": {}},
     ):
-        assert not valid(model, SCHEMA) and refused(model)
+        assert not valid(model, SCHEMA) and refused(model)  # fmt: skip
 
 
 def test_it_is_json_and_says_what_keys_mean() -> None:

@@ -157,7 +157,7 @@ def test_what_stands_in_the_way_is_named(tmp_path):
         ("a\0b", "has no null character"),
     ):
         with pytest.raises(OutputError, match=message):
-            check_outputs([tmp_path / path], overwrite=True)
+            check_outputs([tmp_path / path], overwrite=True)  # fmt: skip
     with pytest.raises(OutputError, match="two outputs would have this name"):
         check_outputs([tmp_path / "a.csv", tmp_path / "folder" / ".." / "a.csv"], overwrite=True)
 

@@ -98,20 +98,14 @@ PAIR = Horizontals(record(0), record(1))
         (scale_p695([PAIR] * 3, 1.0, 2.0), ["6 components", "FEMA P-695, scaled to median Sa(1 s) = 2 m/s²"]),
         (
             Scaling(
-                (PAIR,) * 11,
-                np.ones(11),
-                "asce7",
-                "rotd100",
-                0.05,
-                target=TARGET,
-                periods=np.array([0.2, 2.0]),
+                (PAIR,) * 11, np.ones(11), "asce7", "rotd100", 0.05, target=TARGET, periods=np.array([0.2, 2.0]),
                 least=(1.02, 0.4),
             ),
             ["11 pairs", "90 % of it", "average", "by ASCE 7"],
         ),
     ],
     ids=["value", "average", "pair", "target", "p695", "asce7"],
-)
+)  # fmt: skip
 def test_suites(tmp_path, scaling, there):
     text = drawn(tmp_path, suite_picture, scaling)
     assert all(words in text for words in there)

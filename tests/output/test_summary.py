@@ -22,11 +22,8 @@ def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
     assert data.decode().splitlines()[:3] == ["{", '  "b": 0.333333333333,', '  "a": null,']
     assert data.endswith(b"}\n")
     assert json.loads(data) == {
-        "b": 0.333333333333,
-        "a": None,
-        "c": [None, 0.1, 0.0],
-        "d": {"x": True, "y": None, "z": 7},
-    }
+        "b": 0.333333333333, "a": None, "c": [None, 0.1, 0.0], "d": {"x": True, "y": None, "z": 7},
+    }  # fmt: skip
 
 
 def test_names_of_any_bytes_are_valid_json():
@@ -39,56 +36,29 @@ def test_peaks_name_story_and_pass_over_what_is_missing():
     three = np.array([1.0, 3.0, 2.0])
     found = peaks(
         StoryPeaks(
-            height=np.array([nan, 3.0, 3.0]),
-            peak_drift=three,
-            peak_drift_ratio=np.array([nan, 0.1, 0.2]),
-            residual_drift=np.array([0.0, 0.1, -0.5]),
-            peak_shear=three * 10.0,
-            peak_damper_force=three,
-            peak_total_shear=three * 11.0,
-            ductility=np.full(3, nan),
-            peak_displacement=np.array([0.1, 0.2, 0.15]),
-            peak_velocity=three,
-            peak_acceleration=np.array([4.0, 1.0, 2.0]),
+            height=np.array([nan, 3.0, 3.0]), peak_drift=three, peak_drift_ratio=np.array([nan, 0.1, 0.2]),
+            residual_drift=np.array([0.0, 0.1, -0.5]), peak_shear=three * 10.0, peak_damper_force=three,
+            peak_total_shear=three * 11.0, ductility=np.full(3, nan), peak_displacement=np.array([0.1, 0.2, 0.15]),
+            peak_velocity=three, peak_acceleration=np.array([4.0, 1.0, 2.0]),
         )
-    )
+    )  # fmt: skip
     assert found == {
-        "roof_displacement_m": 0.15,
-        "base_shear_N": 10.0,
-        "total_base_shear_N": 11.0,
-        "drift_m": 3.0,
-        "drift_story": 2,
-        "drift_ratio": 0.2,
-        "drift_ratio_story": 3,
-        "residual_drift_m": 0.5,
-        "residual_drift_story": 3,
-        "residual_drift_ratio": 0.5 / 3.0,
-        "residual_drift_ratio_story": 3,
-        "ductility": None,
-        "ductility_story": None,
-        "floor_absolute_acceleration_m_s2": 4.0,
-        "floor_absolute_acceleration_floor": 1,
-        "peak_damper_force_N": 3.0,
-        "peak_damper_force_story": 2,
-    }
+        "roof_displacement_m": 0.15, "base_shear_N": 10.0, "total_base_shear_N": 11.0, "drift_m": 3.0,
+        "drift_story": 2, "drift_ratio": 0.2, "drift_ratio_story": 3, "residual_drift_m": 0.5,
+        "residual_drift_story": 3, "residual_drift_ratio": 0.5 / 3.0, "residual_drift_ratio_story": 3,
+        "ductility": None, "ductility_story": None, "floor_absolute_acceleration_m_s2": 4.0,
+        "floor_absolute_acceleration_floor": 1, "peak_damper_force_N": 3.0, "peak_damper_force_story": 2,
+    }  # fmt: skip
 
 
 def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
     nan = math.nan
     values = np.array([1.0, 3.0, 2.9])
     stories = StoryPeaks(
-        height=np.array([nan, 10.0, 29.0]),
-        peak_drift=values,
-        peak_drift_ratio=np.array([nan, 0.3, 0.1]),
-        residual_drift=-values,
-        peak_shear=values,
-        peak_damper_force=values,
-        peak_total_shear=values,
-        ductility=np.full(3, nan),
-        peak_displacement=values,
-        peak_velocity=values,
-        peak_acceleration=values,
-    )
+        height=np.array([nan, 10.0, 29.0]), peak_drift=values, peak_drift_ratio=np.array([nan, 0.3, 0.1]),
+        residual_drift=-values, peak_shear=values, peak_damper_force=values, peak_total_shear=values,
+        ductility=np.full(3, nan), peak_displacement=values, peak_velocity=values, peak_acceleration=values,
+    )  # fmt: skip
     errors = StoryErrors(
         peak_drift=np.array([1.5, 0.01, 0.2]),  # the third may be larger than the second, the first may not
         peak_drift_ratio=np.array([nan, 0.01, 0.1]),
@@ -102,17 +72,11 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         peak_acceleration=np.full(3, nan),
     )
     assert peak_errors(stories, errors) == {
-        "roof_displacement_m_error": 6.0,
-        "base_shear_N_error": 7.0,
-        "total_base_shear_N_error": 6.0,
-        "drift_m_error": 0.2,
-        "drift_ratio_error": 0.01,
-        "residual_drift_m_error": 2.5,
-        "residual_drift_ratio_error": 0.0,
-        "ductility_error": None,
-        "floor_absolute_acceleration_m_s2_error": None,
+        "roof_displacement_m_error": 6.0, "base_shear_N_error": 7.0, "total_base_shear_N_error": 6.0,
+        "drift_m_error": 0.2, "drift_ratio_error": 0.01, "residual_drift_m_error": 2.5,
+        "residual_drift_ratio_error": 0.0, "ductility_error": None, "floor_absolute_acceleration_m_s2_error": None,
         "peak_damper_force_N_error": 0.4,
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

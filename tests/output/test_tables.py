@@ -72,18 +72,12 @@ def test_a_file_name_that_is_not_utf8_is_written_out():
 def test_story_table():
     nan = math.nan
     peaks = StoryPeaks(
-        height=np.array([nan, 3.5]),
-        peak_drift=np.array([0.1, 1 / 3]),
-        peak_drift_ratio=np.array([nan, 2 / 21]),
-        residual_drift=np.array([-0.0, -0.001]),
-        peak_shear=np.array([1e7, 5e6]),
-        peak_damper_force=np.array([0.0, 2.0]),
-        peak_total_shear=np.array([2e7, 6e6]),
-        ductility=np.array([nan, 4.0]),
-        peak_displacement=np.array([0.1, 0.2]),
-        peak_velocity=np.array([1.0, 2.0]),
+        height=np.array([nan, 3.5]), peak_drift=np.array([0.1, 1 / 3]), peak_drift_ratio=np.array([nan, 2 / 21]),
+        residual_drift=np.array([-0.0, -0.001]), peak_shear=np.array([1e7, 5e6]),
+        peak_damper_force=np.array([0.0, 2.0]), peak_total_shear=np.array([2e7, 6e6]), ductility=np.array([nan, 4.0]),
+        peak_displacement=np.array([0.1, 0.2]), peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
-    )
+    )  # fmt: skip
     assert buildings.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
         "peak_total_shear_N,ductility,peak_displacement_m,"

@@ -43,14 +43,11 @@ def test_files_can_be_made_again(maker, tmp_path):
 @pytest.mark.parametrize(
     ("name", "component", "samples", "pga", "pgv"),
     [
-        ("firm-soil", "HN1", 4001, 0.400, 0.60),
-        ("firm-soil", "HN2", 4001, 0.320, 0.35),
-        ("near-fault", "HN1", 3001, 0.491, 1.03),
-        ("near-fault", "HN2", 3001, 0.219, 0.36),
-        ("soft-soil", "HN1", 11001, 0.150, 0.67),
-        ("soft-soil", "HN2", 11001, 0.120, 0.48),
+        ("firm-soil", "HN1", 4001, 0.400, 0.60), ("firm-soil", "HN2", 4001, 0.320, 0.35),
+        ("near-fault", "HN1", 3001, 0.491, 1.03), ("near-fault", "HN2", 3001, 0.219, 0.36),
+        ("soft-soil", "HN1", 11001, 0.150, 0.67), ("soft-soil", "HN2", 11001, 0.120, 0.48),
     ],
-)
+)  # fmt: skip
 def test_numbers_of_the_readme(name, component, samples, pga, pgv):
     record = read_record(FOLDER / f"{name}.mseed", component=component)
     assert record.acceleration.size == samples
@@ -104,14 +101,10 @@ def test_soft_soil_sways_at_two_seconds():
 @pytest.mark.parametrize(
     ("station", "component", "pga"),
     [
-        ("WTMC", "HN1", 9.7331),
-        ("WTMC", "HN2", 7.9664),
-        ("WTMC", "HNZ", 18.0219),
-        ("HSES", "HN1", 2.3646),
-        ("HSES", "HN2", 2.5537),
-        ("HSES", "HNZ", 1.5712),
+        ("WTMC", "HN1", 9.7331), ("WTMC", "HN2", 7.9664), ("WTMC", "HNZ", 18.0219), ("HSES", "HN1", 2.3646),
+        ("HSES", "HN2", 2.5537), ("HSES", "HNZ", 1.5712),
     ],
-)
+)  # fmt: skip
 def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
     record = read_record(FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2")
     assert (record.acceleration.size, record.dt, record.pga) == (8192, 0.02, pga)

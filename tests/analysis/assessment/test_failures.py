@@ -25,12 +25,9 @@ from tdint.methods.catalogue import parse
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 NEEDED = {
-    "hardening": "hardening",
-    "softening": "softening",
-    "stiff-node": "stiff-soft-node",
-    "soft-node": "stiff-soft-node",
-    "stiff-pair": "stiff-pair",
-}
+    "hardening": "hardening", "softening": "softening", "stiff-node": "stiff-soft-node",
+    "soft-node": "stiff-soft-node", "stiff-pair": "stiff-pair",
+}  # fmt: skip
 
 
 @cache
@@ -148,12 +145,9 @@ def test_explicit_model_based_methods_blow_up_in_a_hardening_story():
 # ---- Stiff beside soft
 
 STIFF_AND_SOFT = {
-    "impulse": (1.8e2, None),
-    "impulse4": (2.0e3, 1.8e-4),
-    "newmark-average": (7e2, None),
-    "impulse4:rho_inf=0.5": (0.55, 2.3e-3),
-    "impulse4:rho_inf=0": (0.22, 7.0e-3),
-}
+    "impulse": (1.8e2, None), "impulse4": (2.0e3, 1.8e-4), "newmark-average": (7e2, None),
+    "impulse4:rho_inf=0.5": (0.55, 2.3e-3), "impulse4:rho_inf=0": (0.22, 7.0e-3),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("method", "errors"), STIFF_AND_SOFT.items())

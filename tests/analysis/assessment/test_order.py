@@ -22,19 +22,10 @@ from tdint.model.definition import Excitation
 
 NONLINEAR = [name for name in catalogue() if not parse(name).family.linear_only]
 MEMBERS = (
-    "newmark:beta=0.3025,gamma=0.6",
-    "generalized-alpha:rho_inf=0",
-    "hht:alpha=-1/3",
-    "u0v0:r=0",
-    "collocation:beta=0.18",
-    "bathe:rho_inf=0.5",
-    "bathe:gamma=0.5",
-    "kr-alpha:rho_inf=0.5",
-    "impulse4:rho_inf=0.5",
-    "impulse4:rho_inf=0",
-    "moment4:rho_inf=0.5",
-    "moment4:rho_inf=0",
-)
+    "newmark:beta=0.3025,gamma=0.6", "generalized-alpha:rho_inf=0", "hht:alpha=-1/3", "u0v0:r=0",
+    "collocation:beta=0.18", "bathe:rho_inf=0.5", "bathe:gamma=0.5", "kr-alpha:rho_inf=0.5", "impulse4:rho_inf=0.5",
+    "impulse4:rho_inf=0", "moment4:rho_inf=0.5", "moment4:rho_inf=0",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -67,14 +58,10 @@ def test_declared_order(problem, law, method):
 @pytest.mark.parametrize(
     ("load", "law", "published"),
     [
-        ("harmonic", "linear", 2),
-        ("free", "polynomial", 2),
-        ("harmonic", "polynomial", 2),
-        ("record", "polynomial", 2),
-        ("record", "linear", 4),
-        ("free", "linear", 4),
+        ("harmonic", "linear", 2), ("free", "polynomial", 2), ("harmonic", "polynomial", 2),
+        ("record", "polynomial", 2), ("record", "linear", 4), ("free", "linear", 4),
     ],
-)
+)  # fmt: skip
 def test_where_the_published_order_4_holds(problem, load, law, published):
     """The trapezoidal impulse is exact for sampled records; the tangent form of the drift laws is of order 2."""
     for method, order in (("impulse", published), ("impulse4", 4)):

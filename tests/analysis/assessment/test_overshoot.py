@@ -71,14 +71,9 @@ DAMPED = {  # damping ratio 0.05
     "kr-alpha": DISPLACEMENT,
 }
 WORDS = {
-    NONE: "none",
-    ALL_LEFT: "none",
-    POWERS["exact"]: "none",
-    VELOCITY: "velocity",
-    BOTH: "displacement and velocity",
-    DISPLACEMENT: "displacement",
-    POWERS["cr"]: "displacement",
-}
+    NONE: "none", ALL_LEFT: "none", POWERS["exact"]: "none", VELOCITY: "velocity", BOTH: "displacement and velocity",
+    DISPLACEMENT: "displacement", POWERS["cr"]: "displacement",
+}  # fmt: skip
 UNSTABLE = (*(method for method in POWERS if math.isfinite(parse(method).stability_limit)), "wilson:theta=1.36")
 
 
@@ -179,14 +174,9 @@ def test_fine_steps_follow_the_exact_nonlinear_motion(law, start):
     h = 2.0 * math.pi / 10.0 * dt_over_t
     first = [PULLED[law], 0.0] if start == "displacement" else [0.0, FASTEST[law]]
     exact = solve_ivp(
-        lambda _, y: [y[1], -SPRINGS[law](y[0])],
-        (0.0, steps * h),
-        first,
-        method="DOP853",
-        t_eval=np.linspace(0.0, steps * h, steps + 1),
-        rtol=1e-11,
-        atol=1e-11,
-    )
+        lambda _, y: [y[1], -SPRINGS[law](y[0])], (0.0, steps * h), first, method="DOP853",
+        t_eval=np.linspace(0.0, steps * h, steps + 1), rtol=1e-11, atol=1e-11,
+    )  # fmt: skip
     np.testing.assert_allclose(motion.displacement, exact.y[0] / PULLED[law], atol=1e-4)
     np.testing.assert_allclose(motion.velocity, exact.y[1] / FASTEST[law], atol=1e-4)
     assert motion.largest == pytest.approx((1.0, 1.0), abs=2e-3)

@@ -497,8 +497,7 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
 
 def test_a_tolerance_that_no_step_meets_leaves_an_outcome():
     charted = chart(
-        ten_linear(), noise(), methods="exact", repeats=1, tolerances=[1e-300], cached=False,
-        dts=[noise().dt],
-    )  # fmt: skip
+        ten_linear(), noise(samples=51), methods="exact", repeats=1, tolerances=[1e-300], cached=False, dts=[0.01]
+    )
     outcomes = {point.line: (point.outcome, point.errors) for point in charted.points if math.isnan(point.dt)}
     assert outcomes == {f"{method} by tolerance": ("not-within-tolerance", None) for method in CHOOSING}

@@ -21,7 +21,7 @@ from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
 from tdint.output.tables.buildings import history_columns, story_table
 
-RUNS, USUAL = 1000, 100
+RUNS, USUAL = 500, 100
 BATCH = 50
 STIFFNESS = 1e6
 METHODS = [name for name in catalogue() if name != "exact"] + [

@@ -151,7 +151,7 @@ def test_an_error_that_vanishes_at_a_peak_by_chance_is_not_told_as_none(name):
 def test_over_buildings_of_all_laws_told_errors_are_honest_story_by_story():
     """A small form of `benchmarks/carried_error.py`: truth is where two methods agree within a fifth of the error."""
     ratios = []
-    for seed in range(1000, 1060):
+    for seed in range(1000, 1040):
         case, record = any_building(seed)
         try:
             response = run(case, record, method="moment4", check=True)
@@ -167,7 +167,7 @@ def test_over_buildings_of_all_laws_told_errors_are_honest_story_by_story():
             judged = (told < TOLD * size) & (off > 1e-6 * size) & (np.abs(second - true) < 0.2 * off)
             ratios.append(off[judged] / told[judged])
     ratios = np.concatenate(ratios)
-    assert len(ratios) > 500
+    assert len(ratios) > 350
     assert np.mean(ratios > 2.0) < 0.01 and np.mean(ratios > 10.0) < 0.002
 
 

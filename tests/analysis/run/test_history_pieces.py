@@ -39,13 +39,10 @@ def same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize(
     "wanted",
     [
-        {"method": "impulse4"},
-        {"method": "newmark-average", "dt": 0.005},
-        {"method": "moment4", "check": True},
-        {"method": "moment4", "dt": 0.06, "duration": 6.0},
-        {"method": "park"},
+        {"method": "impulse4"}, {"method": "newmark-average", "dt": 0.005}, {"method": "moment4", "check": True},
+        {"method": "moment4", "dt": 0.06, "duration": 6.0}, {"method": "park"},
     ],
-)
+)  # fmt: skip
 def test_pieces_are_the_whole_bit_for_bit(monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any], every: int) -> None:
     response, pieces = whole_and_pieces(monkeypatch, **wanted)
     assert response.history is not None

@@ -53,9 +53,13 @@ COUNTING_TURNS = tuple(float(code) for code, law in enumerate(LAWS) if law.count
 COUNTS_TURNS = any(LAWS[code].counts_turns for code in COMPILED)
 """Whether a story may decide something for good where it turns."""
 
-# The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
-# compiling the loops takes long enough. The functions of laws that stand apart only call those at their address.
+# The first laws are put into each place that goes by the law, and so is what laws that stand apart have in common: a
+# look at the branch, then a call at the law's address. The others are compiled once, together, and called: compiling
+# the loops takes long enough.
 _FREQUENT = 2
+
+_APART = -1
+"""Stands for all laws that stand apart, where those of the others are numbers."""
 
 # Laws that know their branch at any time
 KNOWING = _codes(lambda law: _functions(law).keep is not None)
@@ -68,65 +72,93 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
     """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
 
     `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
-    number of arguments. No call is made for a frequent law, whether it has a function or not.
+    number of arguments. No call is made for a frequent law or one that stands apart, whether it has a function or not.
     """
     if not COMPILES:
         return lambda law_parameters, springs, i, *more: (
             getattr(_functions(LAWS[int(law_parameters[at.CODE, i])]), hook) or otherwise
         )(law_parameters, springs, i, *more)
-    all_of_them = [(code, getattr(_functions(LAWS[code]), hook)) for code in COMPILED]
+    places = _places()
+    all_of_them = [(code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook)) for code in places]
     owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in all_of_them]
     owns = [(code, own) for code, own in owns if own is not None]
-    rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
+    rare = next((code for code, _ in owns if code >= _FREQUENT), None)
     # Where each has its own the last one is taken for any other number: there is none.
     function = otherwise if len(owns) < len(all_of_them) or not owns else None
     for code, own in reversed(owns):
-        function = own if function is None else case(specialized if code == rare else inlined, code, own, function)
+        decorate = specialized if code == rare else inlined
+        function = own if function is None else case(decorate, _test(code), own, function)
     return function
 
 
-def case_of_3(decorate: Any, code: int, own: Any, other: Any) -> Any:
-    """`own` where the story has the law `code`, else `other`: functions of (law_parameters, springs, i)."""
+def _places() -> list[int]:
+    """The numbers of the compiled laws in the order in which a story's own is looked for, `_APART` behind the frequent
+    ones."""
+    apart = [_APART] if any(LAWS[code].apart for code in COMPILED) else []
+    others = [code for code in COMPILED if not LAWS[code].apart]
+    frequent = [code for code in others if code < _FREQUENT]
+    return [*frequent, *apart, *others[len(frequent) :]]
+
+
+@inlined
+def _stands_apart(law_parameters, springs, i):
+    return springs[at.ADDRESS, i] != 0.0
+
+
+def _test(code: int) -> Any:
+    """A function of (law_parameters, springs, i): whether the story has the law, or one that stands apart."""
+    if code == _APART:
+        return _stands_apart
+
+    @inlined
+    def has(law_parameters, springs, i):
+        return law_parameters[at.CODE, i] == code
+
+    return has
+
+
+def case_of_3(decorate: Any, has: Any, own: Any, other: Any) -> Any:
+    """`own` where `has` says so, else `other`: functions of (law_parameters, springs, i)."""
 
     @decorate
     def choose(law_parameters, springs, i):
-        if law_parameters[at.CODE, i] == code:
+        if has(law_parameters, springs, i):
             return own(law_parameters, springs, i)
         return other(law_parameters, springs, i)
 
     return choose
 
 
-def case_of_4(decorate: Any, code: int, own: Any, other: Any) -> Any:
+def case_of_4(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of four arguments."""
 
     @decorate
     def choose(law_parameters, springs, i, more):
-        if law_parameters[at.CODE, i] == code:
+        if has(law_parameters, springs, i):
             return own(law_parameters, springs, i, more)
         return other(law_parameters, springs, i, more)
 
     return choose
 
 
-def case_of_5(decorate: Any, code: int, own: Any, other: Any) -> Any:
+def case_of_5(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of five arguments."""
 
     @decorate
     def choose(law_parameters, springs, i, block, more):
-        if law_parameters[at.CODE, i] == code:
+        if has(law_parameters, springs, i):
             return own(law_parameters, springs, i, block, more)
         return other(law_parameters, springs, i, block, more)
 
     return choose
 
 
-def case_of_6(decorate: Any, code: int, own: Any, other: Any) -> Any:
+def case_of_6(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of six arguments."""
 
     @decorate
     def choose(law_parameters, springs, i, block, more, last):
-        if law_parameters[at.CODE, i] == code:
+        if has(law_parameters, springs, i):
             return own(law_parameters, springs, i, block, more, last)
         return other(law_parameters, springs, i, block, more, last)
 
