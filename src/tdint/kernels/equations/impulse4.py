@@ -89,7 +89,7 @@ class _Block(NamedTuple):
 # Turns that a step goes over, measured on the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`
 _WEAK = 15.0  # a kink over the square of what the step misses: with 5 to 50 errors and costs hardly change
 _BY_DASHPOT = 0.003  # part of a dashpot's force that counts as a kink: without it small steps err tenfold
-_FAR = 0.8  # over the peak drift so far; a step that goes over a turn tells less well how far the story went
+_FAR = 0.8  # over the peak drift so far: where a dashpot's force jumps, steps tell less well how far the story went
 
 ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
 _BLOCK, _STORE = at.chained(_Block)
@@ -392,8 +392,9 @@ def join(scene, h, memory):
         missed += linear_terms[at.MASS, i] * miss * miss
         size += 0.5 * linear_terms[at.MASS, i] * (a0 * a0 + a1 * a1)
     for i in range(n):
-        far = abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) < _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
-        if not (far and work[ROW.KINK, i] * size <= _WEAK * missed):
+        near = abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) >= _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
+        tells = linear_terms[at.POWER_DAMPER, i] == 0.0 or not near
+        if not (tells and work[ROW.KINK, i] * size <= _WEAK * missed):
             work[ROW.KINK, i] = 0.0
 
 
