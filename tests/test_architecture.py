@@ -171,12 +171,12 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 BUDGET = {
     "cli": (44, 6500),
     "output": (24, 6250),
-    "campaign": (25, 6150),
+    "campaign": (25, 6100),
     "analysis": (40, 7500),
     "methods": (13, 1750),
     "model": (21, 3600),
-    "ground_motion": (36, 4400),
-    "kernels": (62, 8190),
+    "ground_motion": (36, 4300),
+    "kernels": (62, 8180),
     "ground": (11, 1550),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

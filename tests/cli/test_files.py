@@ -315,8 +315,6 @@ KEPT_SAFE: dict[str, tuple[str, str, tuple[str, ...]]] = {
 OF_ONE_MECHANISM = {"--plot", "-o"}
 """Of `Outputs`, in whatever command."""
 
-IN_FOLDERS = {("run", "-o"), ("ida", "-o"), ("examples", "-o"), ("compile", "-o")}
-
 
 def test_every_file_option_that_is_written_is_tried() -> None:
     """But for folders whose files have names of their own, and commands that read nothing."""

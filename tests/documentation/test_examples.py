@@ -123,9 +123,7 @@ def test_the_day_of_a_researcher(checkout):
     folder, run = checkout
     script = readmes.block("day")
     assert len(script.splitlines()) <= 60
-    for whole, part in (("turned(125)", "turned(25)"), ("1.0, 10)", "1.0, 5)"), ("[40] * 10", "[40] * 5")):  # a third
-        assert script.count(whole) == 1
-        script = script.replace(whole, part)
+    script = script.replace("turned(125)", "turned(25)")  # a fifth of the spectra tells the same
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
     spectra, *lines, sweep = output.splitlines()
     assert spectra.startswith("100 spectra") and len(lines) == 15

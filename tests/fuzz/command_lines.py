@@ -77,7 +77,6 @@ _OUTPUTS = (
     f"{OUTPUT}/t.csv", f"{OUTPUT}/new/t.csv", OUTPUT, f"{OUTPUT}/", f"{OUTPUT}/{OLD}", "/dev/null", "",
     "/nowhere/t.csv",
 )  # fmt: skip
-_PICTURES = ("--plot",)
 
 
 def names() -> list[str]:

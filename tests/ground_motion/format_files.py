@@ -9,9 +9,6 @@ import numpy as np
 from tdint.ground_motion.formats.series import motion_units
 from tdint.units import STANDARD_GRAVITY, parse_units
 
-PLACES = {"x": 1.5, "y": -2.25, "up": 0.5}
-"""Peaks of the three components of files that have several."""
-
 
 def motion(samples=120, peak=1.5, decimals=3):
     """A decaying sine without a zero among its samples; its largest one is `peak`, negative if that is."""

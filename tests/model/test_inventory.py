@@ -15,7 +15,6 @@ from tdint.model.inventory import derive_all, model_text, read_inventory
 from tdint.model.mdof_lu import LEVELS, STRUCTURES, ZONES, BuildingFacts, derive, design_level, hazus_type, hazus_types
 from tdint.units import LENGTH
 
-WRONG = "type: C9, stories: 51, year: 1, area: 0"
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
 
 
