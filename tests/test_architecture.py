@@ -176,7 +176,7 @@ BUDGET = {
     "methods": (13, 1750),
     "model": (21, 3600),
     "ground_motion": (36, 4300),
-    "kernels": (62, 8112),
+    "kernels": (62, 8180),
     "ground": (11, 1550),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

@@ -18,8 +18,8 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse4 import FACTORS, ROW, factor_rows, loads, newton, solve_linear
-from tdint.kernels.laws.choosing import BENDING, CURVING
+from tdint.kernels.equations.impulse4 import FACTORS, ROW, factor_rows, join, loads, newton, solve_linear
+from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
@@ -65,10 +65,11 @@ def _by_branches(coefficients, scene, h, load, memory):
     """One step in which no law changes its branch, or one piece for each part of it between two such changes.
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
-    the rest of it on the new branch. Where all laws are linear on their branches, a piece is one linear solve; curved
-    ones among them take Newton's iteration. Where the step is too large for the interpolant, the motion up to a change
-    may fall short of it: the piece is taken, and the change looked for from there. Or it may go far beyond: the change
-    is looked for again on the interpolant of the piece. Where there are more than a few such pieces per story, the
+    the rest of it on the new branch. A curved law may turn within a piece if that bends its force by less than the step
+    errs (`join`). Where all laws are linear on their branches, a piece is one linear solve; curved ones among them take
+    Newton's iteration. Where the step is too large for the interpolant, the motion up to a change may fall short of it:
+    the piece is taken, and the change looked for from there. Or it may go far beyond: the change is looked for again on
+    the interpolant of the piece. Where there are more than a few such pieces per story, the
     state is left as it was.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
@@ -99,11 +100,17 @@ def _by_branches(coefficients, scene, h, load, memory):
                     _restore(state, springs, work, n)
                 return code
             solves += code
+            if CURVES:
+                join(scene, piece, memory)
+                if ending and how == at.TURNED:
+                    work[ROW.KINK, story] = 0.0
         if BENDING and flags[at.LINEAR] == 0.0:
             miss = _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
             if miss == _BEYOND:
                 ending = False
-                fraction, story, how = first_event(linear_terms, piece, state, springs, work, momentum.U1, momentum.V1)
+                fraction, story, how = first_event(
+                    linear_terms, piece, state, springs, work, momentum.U1, momentum.V1, ROW.KINK
+                )
                 if fraction != NONE:
                     if pieces == 0:
                         _save(state, springs, work, n)
@@ -190,7 +197,8 @@ def _miss(linear_terms, h, state, springs, work, story, how):
         u_below = work[momentum.U1, i]
         v_below = state[at.VELOCITY, i]
         v1_below = work[momentum.V1, i]
-        if springs[at.TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[at.DRIFT, i])):
+        backward = springs[at.TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[at.DRIFT, i]))
+        if backward and work[ROW.KINK, i] == 0.0:
             return _BEYOND
         if drift > springs[at.UPPER, i] + allowed or drift < springs[at.LOWER, i] - allowed:
             return _BEYOND
@@ -229,6 +237,15 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
         state[at.ACCELERATION, i] = work[momentum.A1, i]
         if frozen and springs[at.SLOPE, i] < math.inf:
             advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
+        elif CURVES and frozen and work[ROW.KINK, i] != 0.0:
+            if work[ROW.BEFORE, i] == at.FIRST_TRIAL:
+                settle(law_parameters, springs, i, 0, at.THIRD_TRIAL)
+                settle(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL)
+                commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+            else:
+                settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+                settle(law_parameters, springs, i, at.FIRST_TRIAL, at.THIRD_TRIAL)
+                commit(law_parameters, springs, i, at.THIRD_TRIAL, at.SECOND_TRIAL)
         else:
             settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
             commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)

@@ -11,7 +11,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize
 
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
@@ -326,6 +325,8 @@ def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[A
 
 def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
     """Corners, looked for from parts of `start` on, and the slopes between them."""
+    from scipy.optimize import minimize
+
     # A corner before the first points would be told by nothing.
     low = 0.5 * float(d[d > 0.0][0])
 
@@ -341,7 +342,7 @@ def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start
 
 def _multilinear(d: Array, f: Array, start: float) -> Corners:
     """Drifts of four points, the last one that of the curve, and the shears there by least squares, none negative."""
-    from scipy.optimize import nnls
+    from scipy.optimize import minimize, nnls
 
     low = 0.5 * float(d[d > 0.0][0])
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
-from scipy.stats import linregress
 
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
@@ -430,6 +429,8 @@ def line(
 ) -> MeasureFit:
     """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on characteristics. Runs under
     one `motion`, a number for each, err alike; by default each run has its own."""
+    from scipy.stats import linregress  # takes half a second, which tables of other studies need not wait for
+
     if x.size < _LEAST:
         raise AnalysisError(f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}")
     if np.ptp(x) == 0.0:

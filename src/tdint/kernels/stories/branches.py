@@ -65,10 +65,11 @@ def switch(law_parameters, springs, i, block, event):
 
 
 @called
-def first_event(linear_terms, h, state, springs, work, u1, v1):
+def first_event(linear_terms, h, state, springs, work, u1, v1, joined):
     """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE if none does.
 
-    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step.
+    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step; where row `joined` is not 0 the
+    story may turn.
     """
     first = NONE
     story = -1
@@ -101,7 +102,7 @@ def first_event(linear_terms, h, state, springs, work, u1, v1):
                 first, story, how = fraction, i, at.BELOW
         turn = springs[at.TURN, i]
         slack = _TURNED / _SLACK * slack
-        if turn != 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
+        if turn != 0.0 and work[joined, i] == 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
             fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
             if fraction < first:
                 first, story, how = fraction, i, at.TURNED
