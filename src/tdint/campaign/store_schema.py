@@ -117,7 +117,8 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
             if patience == _SILENT:
                 _log.info("%s: another program has locked it; waiting for ten seconds at most", name)
     finally:
-        connection.execute("PRAGMA busy_timeout=0")
+        # Who reads a store holds it for a moment, too, while the log is opened, say: what follows waits without a word.
+        connection.execute(f"PRAGMA busy_timeout={_LONGEST}")
     raise OutputError(f"{name}: another program keeps it locked; end that one, then call again")
 
 
