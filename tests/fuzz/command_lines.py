@@ -134,7 +134,7 @@ def _value(option: click.Option, source: random.Random) -> str:
     kind = option.type
     if isinstance(kind, grammar.ListOf):
         count = source.choice((1, 1, 2, 3))
-        return ",".join(_one(option.name or "", kind.one, source) for _ in range(count))
+        return ",".join(_one(option.name or "", kind.item, source) for _ in range(count))
     return _one(option.name or "", kind, source)
 
 
