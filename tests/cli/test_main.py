@@ -3,8 +3,6 @@
 import subprocess
 import sys
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
 
 import click
 import pytest
@@ -32,59 +30,6 @@ def test_help_and_version_load_click_alone():
 def test_the_group_does_not_import_the_commands():
     code = "import sys, tdint_cli.main; sys.exit(any(n.startswith('tdint_cli.commands.') for n in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-ROOT = Path(__file__).parents[2]
-ALWAYS_SPARED = {
-    "scipy", "numba", "matplotlib", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
-    "tdint.campaign", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
-    "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals", "tdint.ground_motion.reading.instrument",
-}  # fmt: skip
-WITHOUT_RECORDS = {"obspy", "importlib.metadata", "tdint.ground_motion.reading.read"}
-SPARED = {
-    ("run", "configs/ten-story.yaml"): {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"},
-    ("spectrum", "records/firm-soil.mseed"): {"yaml"},
-    ("law", "configs/ten-story-bilinear.yaml", "--drift", "0.05"): {
-        *WITHOUT_RECORDS, "numpy.polynomial", "tdint.methods", "tdint.kernels.march"
-    },
-    ("modes", "configs/ten-story.yaml"): {
-        *WITHOUT_RECORDS, "llvmlite", "numpy.polynomial", "tdint.methods", "shutil", "tempfile"
-    },
-    ("methods",): {
-        *WITHOUT_RECORDS - {"importlib.metadata"}, "tdint.analysis.run.outcome", "llvmlite", "yaml",
-        "tdint.model.config", "hashlib",
-    },
-}  # fmt: skip
-"""Commands, and what each must not import beyond what numpy, click and yaml themselves import: it takes its time."""
-
-
-LINES = {"run": 33_800, "spectrum": 21_200, "law": 16_300, "modes": 13_050, "methods": 17_900}
-"""Lines of our own that each of them loads at most: today's and 5 %, for what a kernel that is not there yet loads."""
-
-
-def modules_after(code: str, *arguments: str) -> set[str]:
-    """The modules that a process has imported when it has run this code."""
-    shown = f"import sys\nsys.argv = ['tdint', *{arguments!r}]\ntry:\n    {code}\nfinally:\n    print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True, cwd=ROOT)
-    return set(done.stdout.splitlines()[-1].split())
-
-
-@pytest.mark.parametrize("command", SPARED, ids=lambda command: command[0])
-def test_a_command_imports_no_more_than_it_needs(command):
-    needed = {"numpy.ma", "tdint.ground_motion.horizontals"} if command[0] == "spectrum" else set()
-    spared = (ALWAYS_SPARED | SPARED[command]) - needed
-    theirs = modules_after("import numpy, click, yaml") - {"yaml"}
-    tdint = modules_after("from tdint_cli.main import main; main()", *command)
-    assert sorted(spared & tdint - theirs) == []
-    files = [str(find_spec(name).origin) for name in tdint if name.partition(".")[0] in ("tdint", "tdint_cli")]
-    lines = sum(Path(file).read_text(encoding="utf-8").count("\n") for file in files)
-    assert 0 < lines <= LINES[command[0]], f"{command[0]} loads {lines} lines; import within functions what it spares"
-
-
-def test_the_names_of_spared_modules_are_right():
-    """A module that was renamed would be spared by nobody noticing."""
-    own = {name for names in (ALWAYS_SPARED, *SPARED.values()) for name in names if name.startswith("tdint")}
-    assert [name for name in sorted(own) if find_spec(name) is None] == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -1,0 +1,162 @@
+"""What each command loads, in its own process: a small real call loads no package and no module that it can spare."""
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from tdint_cli.main import COMMANDS
+
+HEAVY = {"numba", "scipy.stats", "scipy.optimize", "matplotlib", "obspy"}
+"""Packages that take a tenth of a second and more; a command has those that its work is done with."""
+
+SPARED = {
+    "scipy", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
+    "tdint.campaign", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
+    "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals", "tdint.ground_motion.reading.instrument",
+}  # fmt: skip
+"""What runs and spectra of records have no part in."""
+
+WITHOUT_RECORDS = {"importlib.metadata", "tdint.ground_motion.reading.read"}
+WITHOUT_RUNS = {"numpy.polynomial", "tdint.methods"}
+
+COMMAND_LINES = {
+    "init": "new.yaml",
+    "check": "office.yaml",
+    "run": "office.yaml",
+    "modes": "office.yaml",
+    "law": "office.yaml --drift 1%",
+    "pushover": "office.yaml --points 20",
+    "compare": "office.yaml --recorded recorded.yaml",
+    "inventory": "buildings.csv --units ft",
+    "info": "motion.mseed",
+    "spectrum": "motion.mseed --period 1",
+    "drift-spectrum": "motion.mseed --period 1",
+    "campaign": "status study",
+    "scale": "motion.mseed --pga 0.4g",
+    "ida": "office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%",
+    "sensitivity": "office.yaml motion.mseed --vary damping=2%:5%",
+    "fragility": "stripes.csv",
+    "methods": "",
+    "stability": "--method impulse4 --dt-over-t 0.1",
+    "overshoot": "--method impulse4 --steps 3",
+    "order": "--method impulse4 --load free",
+    "failures": "--method impulse4 --problem large-step",
+    "examples": "1 --method newmark-average",
+    "chart": "office.yaml --method impulse4 --dt 0.01 --repeat 1 --duration 1",
+    "compile": "office.yaml --show",
+    "validate": "",
+    "rerun": "loop.json",
+}
+
+NEEDED = {
+    "check": {"obspy"},
+    "run": {"obspy"},
+    "compare": {"scipy.optimize"},
+    "info": {"obspy"},
+    "spectrum": {"obspy"},
+    "drift-spectrum": {"obspy"},
+    "scale": {"obspy"},
+    "ida": {"obspy"},
+    "sensitivity": {"obspy"},
+    "order": {"scipy.optimize"},
+    "chart": {"obspy"},
+    "validate": {"obspy"},
+}
+"""Of `HEAVY` what these calls are done with: MiniSEED is read by ObsPy, and so on."""
+
+MORE = {
+    "run": SPARED | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"},
+    "spectrum": SPARED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
+    "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.march"},
+    "modes": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
+    "methods": SPARED
+    | (WITHOUT_RECORDS - {"importlib.metadata"})
+    | {"tdint.analysis.run.outcome", "llvmlite", "yaml", "tdint.model.config", "hashlib"},
+}
+"""What these must not load beside, if numpy, click and yaml do not: it takes its time."""
+
+LINES = {
+    "init": 5_250, "check": 31_250, "run": 34_650, "modes": 13_700, "law": 16_750, "pushover": 16_800,
+    "compare": 35_000, "inventory": 12_600, "info": 18_900, "spectrum": 21_750, "drift-spectrum": 21_750,
+    "campaign": 41_550, "scale": 45_850, "ida": 48_000, "sensitivity": 50_000, "fragility": 46_050, "methods": 18_350,
+    "stability": 32_400, "overshoot": 32_400, "order": 33_750, "failures": 31_950, "examples": 31_950,
+    "chart": 33_400, "compile": 25_800, "validate": 33_250, "rerun": 17_600,
+}  # fmt: skip
+"""Lines of our own that each loads at most: today's and 5 %, for what a kernel that is not there yet loads."""
+
+LONG = {
+    "campaign", "chart", "compare", "fragility", "ida", "order", "sensitivity", "validate", "failures", "overshoot",
+    "stability", "examples",
+}  # fmt: skip
+"""Those that take more than half a second or load what another one of the suite does."""
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory):
+    """A folder with a model, its motion as a table and as MiniSEED, and what the commands read beside them."""
+    from click.testing import CliRunner
+
+    from tdint_cli.main import cli
+
+    folder = tmp_path_factory.mktemp("office")
+    root = Path(__file__).parents[2]
+    for name in ("stripes.csv", "buildings.csv"):
+        (folder / name).write_bytes((root / "configs" / name).read_bytes())
+
+    def tdint(*words):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            assert CliRunner().invoke(cli, words).exit_code == 0
+
+    tdint("init", "office.yaml", "--stories", "2")
+    tdint("info", "office-motion.txt", "--export", "motion.mseed")
+    model = (folder / "office.yaml").read_text()
+    (folder / "office.yaml").write_text(model.replace('"office-motion.txt"', "motion.mseed"))
+    tdint("run", "office.yaml", "--history=h.csv")
+    (folder / "recorded.yaml").write_text(
+        "base: {file: h.csv, column: ground_acceleration_g}\n"
+        "floors: {roof: {file: h.csv, column: floor_2_absolute_acceleration_g, quantity: acceleration}}\n"
+    )
+    (folder / "study.yaml").write_text("buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n")
+    tdint("campaign", "study.yaml", "-o", "study")
+    tdint("law", "office.yaml", "--drift", "1%", "-o", "loop.csv")
+    return folder
+
+
+def modules_after(code: str, folder: Path, *arguments: str) -> set[str]:
+    """The modules that a process has imported when it has run this code."""
+    shown = f"import sys\nsys.argv = ['tdint', *{arguments!r}]\ntry:\n    {code}\nfinally:\n    print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True, cwd=folder)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.fixture(scope="module")
+def common(office):
+    """What numpy, click and yaml load themselves."""
+    return modules_after("import numpy, click, yaml", office) - {"yaml"}
+
+
+@pytest.mark.parametrize(
+    "command", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in COMMAND_LINES]
+)
+def test_a_command_loads_no_more_than_it_needs(office, common, command):
+    loaded = modules_after("from tdint_cli.main import main; main()", office, command, *COMMAND_LINES[command].split())
+    needed = NEEDED.get(command, set())
+    assert sorted((HEAVY - needed | MORE.get(command, set()) - HEAVY) & loaded - common) == []
+    assert needed <= loaded, f"{command} does without: take it out of NEEDED"
+    files = [str(find_spec(name).origin) for name in loaded if name.partition(".")[0] in ("tdint", "tdint_cli")]
+    lines = sum(Path(file).read_text(encoding="utf-8").count("\n") for file in files)
+    assert 0 < lines <= LINES[command], f"{command} loads {lines} lines; import within functions what it spares"
+
+
+def test_every_command_is_started():
+    assert set(COMMAND_LINES) == set(LINES) == set(COMMANDS)
+
+
+def test_the_names_of_spared_modules_are_right():
+    """A module that was renamed would be spared by nobody noticing."""
+    ours = {name for names in MORE.values() for name in names if name.startswith("tdint")}
+    assert [name for name in sorted(ours) if find_spec(name) is None] == []
