@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint import spectrum, system
@@ -45,6 +45,7 @@ def test_a_network_file_system_is_refused(tmp_path: Path, kind: str, monkeypatch
     refuse_network(home)
 
 
+@settings(max_examples=30)
 @given(
     sizes=st.lists(st.integers(2, 4000), min_size=1, max_size=6),
     factors=st.lists(st.integers(1, 40), min_size=6, max_size=6),
