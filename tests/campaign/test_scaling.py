@@ -88,8 +88,8 @@ def test_measures_of_a_pair():
     for measured in (pga(), MotionIntensity("pgv"), sa(0.7)):
         assert measured.of(pair) == pytest.approx(math.sqrt(measured.of(one) * measured.of(other)), rel=1e-12)
     for measured in (pga(), *map(MotionIntensity, GROUND)):
-        assert measured.of(pair, "rotd50") == pytest.approx(turned(pair, measured, 50), rel=1e-9)
-    assert pga().of(pair, "rotd100") == pytest.approx(turned(pair, pga(), 100), rel=1e-9)
+        for name, percentile in (("rotd50", 50), ("rotd100", 100)):
+            assert measured.of(pair, name) == pytest.approx(turned(pair, measured, percentile), rel=1e-9)
 
 
 def test_measures_that_are_none():
