@@ -67,8 +67,11 @@ def office(tmp_path_factory):
 
 
 @pytest.mark.usefixtures("blank_pictures")
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS]
+)
 def test_examples_run(name, office, monkeypatch, tdint):
+    """Of `tdint examples` test_examples.py runs nearly the same lines."""
     monkeypatch.chdir(office)
     if not Path("office.yaml").exists():
         tdint("init", "office.yaml", "--stories", "5", "--period", "0.8", code=0)

@@ -89,5 +89,7 @@ def test_usage_errors(folder, tdint, arguments, code, message):
 @pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(("other", "said"), [("motion.mseed", True), ("other.mseed", False)])
 def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint, other, said):
-    told = tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines()
-    assert ("note: the picture shows the first components and leaves out 1 more" in told) == said
+    told = [
+        line for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines() if "shows" in line
+    ]
+    assert told == ["note: the picture shows the first components and leaves out 1 more"] * said

@@ -4,6 +4,7 @@ import csv
 import gzip
 import io
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -44,7 +45,7 @@ def check_round_trip(si: str, us: str) -> None:
             if factor == 1.0 or not cell:
                 assert converted == cell
             else:
-                assert float(converted) * factor == pytest.approx(float(cell), rel=2e-11, abs=1e-300)
+                assert math.isclose(float(converted) * factor, float(cell), rel_tol=2e-11, abs_tol=1e-300)
 
 
 @pytest.mark.parametrize(
