@@ -223,11 +223,12 @@ def test_moment4_carries_its_error_along(folder, tdint):
     assert "estimated error" not in plain.stderr
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_errors_that_nobody_asked_for_are_not_worth_a_repetition(folder, tdint):
     """With a step that is too long for moment4 to tell its error, cells are empty and a note says what to do; asked
     for, they come from repetitions; without --check other methods, and rho_inf below 1, have none."""
     long = ("run", "shaken.yaml", "--dt", 0.08, "--method", "moment4")
-    unasked, asked = tdint(*long, "-o", "out"), tdint(*long, "--check")
+    unasked, asked = tdint(*long, "-o", "out", "--plot"), tdint(*long, "--check")
     assert unasked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
     assert asked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS},{CORRECTED}"
     for empty, filled in zip(rows(unasked.stdout), rows(asked.stdout), strict=True):
