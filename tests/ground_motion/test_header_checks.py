@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ground_motion.files import counts, obspy_data, refused, refused_by, trace, wave, write
+from ground_motion.files import counts, need_obspy_data, refused, refused_by, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.header_checks import (
     evt_statements,
@@ -112,22 +112,19 @@ class TestTimeSeries:
         refused(re.sub(rb"100(\.0)? sps", b"50 sps", data), r"length of 2.99 s, what was read has 5.98 s")
 
 
-class TestRecorders:
-    @staticmethod
-    def of_obspy(name):
-        path = obspy_data(name)
-        if path is None:
-            pytest.skip("this installation of obspy has no test data")
-        return bytearray(path.read_bytes())
+def of_obspy(name):
+    return bytearray(need_obspy_data(name).read_bytes())
 
+
+class TestRecorders:
     def test_evt_frames_have_a_checksum(self):
-        data = self.of_obspy("kinemetrics/tests/data/BI008_MEMA-04823.evt")
+        data = of_obspy("kinemetrics/tests/data/BI008_MEMA-04823.evt")
         assert "checksum" in read_contents(bytes(data), "file").compared
         data[30_000] ^= 4
         refused(data, r"frame \d+ states a checksum of \d+, its bytes have \d+")
 
     def test_gcf_blocks(self):
-        data = self.of_obspy("gcf/tests/data/20160603_1955n.gcf")
+        data = of_obspy("gcf/tests/data/20160603_1955n.gcf")
         assert "number of samples" in read_contents(bytes(data), "file").compared
         for place, value in ((15, 251), (15, 199), (14, 3), (1024 + 15, 99)):
             wrong = data.copy()
@@ -139,7 +136,7 @@ class TestRecorders:
 
     @pytest.mark.parametrize("name", ["225051000_00008656", "104800000_000093F8", "065520000_013EE8A0.rt130"])
     def test_reftek_packets(self, name):
-        data = self.of_obspy(f"reftek/tests/data/{name}")
+        data = of_obspy(f"reftek/tests/data/{name}")
         assert read_contents(bytes(data), "file").compared == ("number of samples",)
         refused(data[:1024] + data[2048:], "packet 2 follows packet 0")
         wrong = data.copy()
@@ -147,7 +144,7 @@ class TestRecorders:
         refused(wrong, r"packet 1")
 
     def test_reftek_differences_lead_to_the_last_sample(self):
-        data = self.of_obspy("reftek/tests/data/225051000_00008656")
+        data = of_obspy("reftek/tests/data/225051000_00008656")
         data[1024 + 64 + 100] ^= 64
         refused(data, r"packet 1: it states a last sample of -?\d+, its differences lead to")
 
