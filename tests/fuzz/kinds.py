@@ -25,14 +25,23 @@ class Kind:
 
 
 @functools.cache
-def _sounds() -> tuple[dict[str, oracle.Sound], dict[str, tuple[oracle.Record, ...]]]:
-    sounds = {f"{place} {one.name}": one for place, one in enumerate(corpus())}
-    return sounds, {name: oracle.read(one.data, one.units) for name, one in sounds.items()}
+def _sounds() -> dict[str, oracle.Sound]:
+    return {f"{place} {one.name}": one for place, one in enumerate(corpus())}
+
+
+@functools.cache
+def _before(name: str) -> tuple[oracle.Record, ...]:
+    """What is read from a sound file."""
+    sound = _sounds()[name]
+    before = oracle.read(sound.data, sound.units)
+    if oracle.outcome(sound, before, sound.data) != oracle.SAME:
+        raise oracle.Failure("a sound file is not read twice as the same")
+    return before
 
 
 def _record(name: str, seed: int) -> str:
-    sounds, before = _sounds()
-    return oracle.outcome(sounds[name], before[name], mutated(sounds[name].data, seed))
+    sound = _sounds()[name]
+    return oracle.outcome(sound, _before(name), mutated(sound.data, seed))
 
 
 @functools.cache
@@ -41,7 +50,7 @@ def _models() -> dict[str, str]:
 
 
 KINDS = {
-    "records": Kind(lambda: list(_sounds()[0]), _record, oracle.OUTCOMES),
+    "records": Kind(lambda: list(_sounds()), _record, oracle.OUTCOMES),
     "models": Kind(
         lambda: list(_models()),
         lambda name, seed: model_files.outcome(_models()[name], model_files.damaged(_models()[name], seed)),
