@@ -23,11 +23,11 @@ def hostile(folder):
 
 
 def test_a_picture_in_a_hostile_working_directory(hostile, start):
-    """No module of the directory is run, and its matplotlibrc changes nothing."""
-    code, _, words = start("info", "r0.csv", "-o", "b.csv", "--plot=b.png").end()
+    """Its matplotlibrc changes nothing."""
+    code, _, words = start("modes", "model.yaml", "-o", "b.csv", "--plot=b.png").end()
     assert code == 0, words
     (hostile / "matplotlibrc").unlink()
-    assert CliRunner().invoke(cli, ["info", "r0.csv", "-o", "a.csv", "--plot=a.png"]).exit_code == 0
+    assert CliRunner().invoke(cli, ["modes", "model.yaml", "-o", "a.csv", "--plot=a.png"]).exit_code == 0
     assert (hostile / "a.png").read_bytes() == (hostile / "b.png").read_bytes()
 
 
@@ -45,7 +45,8 @@ def test_a_long_command_in_a_hostile_working_directory(hostile, start):
     assert code == 0, words
 
 
-def test_without_a_home(folder, start):
+def test_without_a_home_in_a_hostile_working_directory(hostile, start):
+    """No module of the directory is run."""
     nowhere = {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "TDINT_CACHE_DIR": None}
     code, out, words = start("info", "r0.csv", **nowhere).end(300.0)
     assert code == 0, words

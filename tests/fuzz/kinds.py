@@ -60,7 +60,7 @@ KINDS = {
         command_lines.names, lambda name, seed: run(command_lines.command_line(name, seed)), tuple(CODES.values())
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
-    "stores": Kind(stores.names, stores.outcome, stores.OUTCOMES),
+    "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),
     "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -23,7 +23,7 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     "studies": (10, {"done"}),
     # Healing is rarer than one in so few; tests/cli/test_campaign_store.py has it, damage by damage.
     "stores": (12, {stores.REFUSED}),
-    "names": (12, set()),
+    "names": (24, set()),
     "api": (16, set(api.OUTCOMES)),
 }
 """How many seeds of a kind are tried, and what some of them end with."""

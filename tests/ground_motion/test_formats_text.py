@@ -39,6 +39,7 @@ class TestOneColumn:
     def test_one_value_a_line_or_none(self):
         assert contents(one_column()).notes == ()
         np.testing.assert_array_equal(only("# dt = 1\n1\n\n# between\n2.5\n-.5").data, [1.0, 2.5, -0.5])
+        np.testing.assert_array_equal(only("\n\n0 1\n1 2.5\n").data, [1.0, 2.5])
 
     @pytest.mark.parametrize(
         ("header", "message"),
