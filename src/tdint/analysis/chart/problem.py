@@ -140,18 +140,21 @@ class Problem:
                 raise
             raise UsageError(str(error).replace("record's sampling interval", "model's own step")) from None
 
+    def case(self, integrator: Integrator) -> Case:
+        """What `tdint run` integrates with a method."""
+        return Case(self.model, self.prepared, self.record, integrator)
+
     def outcome(self, integrator: Integrator, steps: Steps) -> str:
         """How `tdint run` ends with this method and these steps: its status."""
         try:
-            return Case(self.model, self.prepared, self.record, integrator).march(steps).status
+            return self.case(integrator).march(steps).status
         except FailedRun as failure:
             return failure.status
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
         """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""
-        case = Case(self.model, self.prepared, self.record, integrator)
         dt = None if self.record else self.interval
-        return run_case(case, dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
+        return run_case(self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
 
     def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
         """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
@@ -264,7 +267,21 @@ _KEPT = 200_000_000  # bytes of references in the cache
 
 
 @dataclass(frozen=True)
-class Errors:
+class RelativeErrors:
+    """Relative errors by their names: `Errors` of a motion, or of peaks alone `profiles.PeakErrors`."""
+
+    def of(self, quantity: str) -> float:
+        """One of the errors by its name, with a hyphen or an underscore in it."""
+        return float(getattr(self, quantity.replace("-", "_")))
+
+    @property
+    def worst(self) -> float:
+        """The largest of all."""
+        return float(max(astuple(self)))
+
+
+@dataclass(frozen=True)
+class Errors(RelativeErrors):
     """Relative errors of a motion.
 
     Attributes
@@ -282,15 +299,6 @@ class Errors:
     velocity: float
     acceleration: float
     peak_drift: float
-
-    def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it."""
-        return float(getattr(self, quantity.replace("-", "_")))
-
-    @property
-    def worst(self) -> float:
-        """The largest of all."""
-        return float(max(astuple(self)))
 
 
 QUANTITIES = tuple(field.name for field in fields(Errors))

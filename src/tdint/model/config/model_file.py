@@ -162,12 +162,13 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        _read_record(record) if record else None,
+        record_within(record) if record else None,
         tuple(_read_force(item, unit, count) for item in items or ()),
     )
 
 
-def _read_record(value: Value) -> RecordSource | None:
+def record_within(value: Value) -> RecordSource | None:
+    """A ground motion, as `excitation: record` of a model or another file says it; None after a fault."""
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
         return RecordSource(file) if file else None
@@ -299,8 +300,7 @@ def load_judged(
         from, and raises UsageError if it is wrong, which becomes a fault at its place.
     """
     origin, root = read_document(source)
-    section = root.section(_MODEL)
-    model = _read_model(section, origin) if section else None
+    model = model_within(root, origin)
     # Words such as a method mean nothing here: who knows them judges, at their place.
     for path, judge in judges.items():
         value: Value | None = root
@@ -319,14 +319,9 @@ def load_judged(
 
 
 def model_within(value: Value, origin: SourceText) -> Model | None:
-    """The model that a mapping in another file says, with that file's `origin`; its faults are noted there."""
+    """The model that a mapping says, all of a file or a part of another one, with its `origin`; None after a fault."""
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
-
-
-def record_within(value: Value) -> RecordSource | None:
-    """A ground motion, as `excitation: record` of a model says it, in another file; its faults are noted there."""
-    return _read_record(value)
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:

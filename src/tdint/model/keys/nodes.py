@@ -98,7 +98,13 @@ def parse(text: str, faults: Faults) -> Node:
         message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
         faults.add(Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
-        faults.add(_error_place(error), "", _error_message(error, text))
+        # PyYAML's several lines as one, and what to do about a tab.
+        mark, problem = error.problem_mark or error.context_mark, error.problem_mark
+        parts = [str(part) for part in (error.context, error.problem) if part]
+        message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
+        if problem is not None and text[problem.index : problem.index + 1] == "\t":
+            message += "; indent with spaces, not tabs"
+        faults.add(Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1), "", message)
     raise faults.error()
 
 
@@ -211,20 +217,6 @@ def _line_and_column(text: str) -> tuple[int, int]:
 def _event_place(event: yaml.Event) -> Place:
     assert event.start_mark is not None
     return Place(event.start_mark.line + 1, event.start_mark.column + 1)
-
-
-def _error_place(error: yaml.MarkedYAMLError) -> Place:
-    mark = error.problem_mark or error.context_mark
-    return Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
-
-
-def _error_message(error: yaml.MarkedYAMLError, text: str) -> str:
-    """PyYAML's several lines as one, and what to do about a tab."""
-    parts = [str(part) for part in (error.context, error.problem) if part]
-    message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
-    mark = error.problem_mark
-    at_tab = mark is not None and text[mark.index : mark.index + 1] == "\t"
-    return message + ("; indent with spaces, not tabs" if at_tab else "")
 
 
 _NOWHERE = Place(0, 0)
