@@ -347,17 +347,6 @@ class Reference:
     motion: FloorMotion
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """Which methods compute and confirm (the latter `extrapolated` from two steps, as a method of order 2), and the gap
-    between them that is small enough."""
-
-    method: str
-    other: str
-    extrapolated: bool
-    goal: float
-
-
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
     """The reference for a problem over some samples, from the cache if it is there.
 
@@ -383,20 +372,20 @@ def _solve(problem: Problem, samples: int) -> Reference:
     # Which methods; kinks of the force keep two solutions further apart.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
-        plan = _Plan("exact", "impulse4", extrapolated=False, goal=_EXACT_GOAL)
+        method, other, goal = "exact", "impulse4", _EXACT_GOAL
     else:
+        method, other = "impulse4", "newmark-average"
         goal = _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
-        plan = _Plan("impulse4", "newmark-average", extrapolated=True, goal=goal)
-    problem.prepared.compile(parse(method) for method in (plan.method, plan.other))
+    problem.prepared.compile(map(parse, (method, other)))
     # The first step is as small as half a second allows, so that few buildings need a second one.
     parts = 8
     while parts < 64 and 2 * parts * samples * building.stories * _STORY_STEP < _FIRST_COST:
         parts *= 2
     begin = time.monotonic()
-    best = _solve_once(problem, samples, plan, parts)
-    while best.gap.worst > plan.goal and 3.0 * (time.monotonic() - begin) < _SECONDS:
+    best = _solve_once(problem, samples, method, other, parts)
+    while best.gap.worst > goal and 3.0 * (time.monotonic() - begin) < _SECONDS:
         parts *= 2
-        finer = _solve_once(problem, samples, plan, parts)
+        finer = _solve_once(problem, samples, method, other, parts)
         falls = finer.gap.worst < 0.5 * best.gap.worst
         best = min(best, finer, key=lambda reference: reference.gap.worst)
         if not falls:
@@ -404,20 +393,20 @@ def _solve(problem: Problem, samples: int) -> Reference:
     return best
 
 
-def _solve_once(problem: Problem, samples: int, plan: _Plan, parts: int) -> Reference:
-    motion = _motion(problem, samples, plan.method, parts)
+def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: int) -> Reference:
+    motion = _motion(problem, samples, method, parts)
     h = problem.interval / parts
-    if plan.extrapolated:
+    if other == "newmark-average":
         # The limit of two motions of a method of order 2 (Richardson).
-        coarse, fine = (_motion(problem, samples, plan.other, 4 * parts * m) for m in (1, 2))
+        coarse, fine = (_motion(problem, samples, other, 4 * parts * m) for m in (1, 2))
         names = [field.name for field in fields(FloorMotion)[1:]]
         limits = ((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names)
-        other = FloorMotion(fine.stride, *limits)
-        words = f"{plan.other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
+        confirming = FloorMotion(fine.stride, *limits)
+        words = f"{other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
     else:
-        other = _motion(problem, samples, plan.other, parts)
-        words = f"{plan.other} with dt {h:.4g} s"
-    return Reference(plan.method, h, words, errors(other, motion), motion)
+        confirming = _motion(problem, samples, other, parts)
+        words = f"{other} with dt {h:.4g} s"
+    return Reference(method, h, words, errors(confirming, motion), motion)
 
 
 def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:

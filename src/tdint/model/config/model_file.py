@@ -64,6 +64,7 @@ from tdint.model.keys.fields import (
     Value,
     Whole,
     Words,
+    numbered,
 )
 from tdint.model.keys.nodes import Faults, composed, decode
 from tdint.units import SI, parse_output_units
@@ -82,13 +83,12 @@ PROCESSING = (
     Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
-PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
 
 
 def read_processing(section: Section) -> Processing:
     """The processing that the entries of a section ask for; none of it if one of them is faulty."""
     parsers: dict[str, Callable[[str], object]] = {"trim": parse_trim, "pad": parse_pad}
-    there = {name: value for name in PROCESSING_KEYS if (value := section.get(name))}
+    there = {key.name: value for key in PROCESSING if (value := section.get(key.name))}
     values = {name: value.parsed(parsers[name]) if name in parsers else value.read() for name, value in there.items()}
     if None in values.values():
         return Processing()
@@ -196,10 +196,10 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     if phase and phase.is_word("sin"):
         cosine, sine = 0.0, 1.0
     elif phase and not phase.is_word("cos"):
-        angle = phase.number(what="cos, sin or an angle in radians")
+        angle = phase.number(expected="cos, sin or an angle in radians")
         cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
-        floor=(floor.counted(count) if floor else None) or 0,
+        floor=(floor.whole(numbered(count)) if floor else None) or 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),
