@@ -510,11 +510,11 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
     damping = model.damping
     if isinstance(damping, ModalDamping):
         # All modes are solved for at once, which this machine may not hold.
-        needed, there_is = _TABLES * 8 * n**2, memory()
-        if there_is is not None and needed > there_is:
+        needed, available = _TABLES * 8 * n**2, memory()
+        if available is not None and needed > available:
             raise ModelError(
                 f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
-                f"{there_is / 2**30:.0f}: give damping.rayleigh"
+                f"{available / 2**30:.0f}: give damping.rayleigh"
             )
         return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
     # Ratios become coefficients by the frequencies of this building.

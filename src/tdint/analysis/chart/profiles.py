@@ -486,10 +486,9 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
         named, listed = (section.need(name, advice) for name, advice in _NEEDS)
-        motions = named.section(named.names, "a mapping from names to ground motions") if named else None
-        for name in named.names if named and motions else ():
-            motion = motions.get(name) if motions else None
-            if (stated := record_within(motion) if motion else None) is not None:
+        motions = named.named("a mapping from names to ground motions") if named else None
+        for name, motion in (motions or {}).items():
+            if (stated := record_within(motion)) is not None:
                 sources[name] = stated
         for item in (listed.items("a list of problems", "is empty; give at least one") if listed else None) or ():
             entry = item.section(("name", "reason", "model", "scales"))

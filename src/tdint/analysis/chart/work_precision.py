@@ -415,10 +415,11 @@ def chart(
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
     with told_progress(progress, 100, "%") as told:
-        measured = measure(
-            problem, integrators, steps, repeats=repeats, cached=cached,
-            progress=lambda act, part: told(round(100.0 * part), 100),
-        )  # fmt: skip
+
+        def in_percent(act: str, part: float) -> None:
+            told(round(100.0 * part), 100)
+
+        measured = measure(problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent)
         return with_tolerances(problem, measured, limits, repeats=repeats)
 
 

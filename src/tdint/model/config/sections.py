@@ -309,14 +309,8 @@ def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
     """The entries by the names of states; None after a fault."""
-    section = value.section(value.names, expected)
-    if section is None:
-        return None
-    if not value.names:
-        value.fault(f"is empty; give {expected}")
-        return None
-    entries = {name: entry for name in value.names if (entry := section.get(name))}
-    for name, entry in entries.items():
+    entries = value.named(expected, f"is empty; give {expected}")
+    for name, entry in (entries or {}).items():
         if not is_state(name):
             entry.fault("the name of a state is a word of letters, digits, _ and -")
             return None

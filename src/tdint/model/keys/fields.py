@@ -398,14 +398,12 @@ class Value:
         return values
 
     def _by_name(self, kind: ByName) -> Any:
-        section = self.section(Keys(tuple(Key(name, kind.kind) for name in dict.fromkeys(self.names))), kind.what)
-        if section is None:
+        entries = self.named(kind.what, kind.none)
+        if entries is None:
             return None
-        if not self.names:
-            self.fault(kind.none)
-            return None
-        entries = {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
-        return kind.make(self, {name: (entry, entry.read()) for name, entry in entries.items()})
+        return kind.make(
+            self, {name: (entry, replace(entry, kind=kind.kind).read()) for name, entry in entries.items()}
+        )
 
     def _made(self, kind: Keys) -> Any:
         """What the mapping's own `make` gives of its entries; by one of its ways, where it has several."""
@@ -485,6 +483,17 @@ class Value:
         """The keys of a mapping, as far as they are texts."""
         entries = self.node.entries if isinstance(self.node, MappingNode) else ()
         return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
+
+    def named(self, expected: str, empty: str = "") -> dict[str, Value] | None:
+        """The entries of a mapping with names of its own choice; None if there is a fault. `expected`: what the mapping
+        must be, and `empty`, if it must have entries, what is wrong without."""
+        section = self.section(self.names, expected)
+        if section is None:
+            return None
+        if empty and not self.names:
+            self.fault(empty)
+            return None
+        return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
     def _bare_number(self, bounds: Bounds) -> float:
         """The number as it stands in the file, of a ratio also as a percentage; nan if it is none."""

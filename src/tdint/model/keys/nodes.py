@@ -167,7 +167,11 @@ class _Composer:
 
     def _node(self, event: yaml.Event, depth: int) -> Node:
         if isinstance(event, yaml.AliasEvent):
-            return self._aliased(event)
+            if event.anchor not in self._anchors:
+                raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
+            if (shared := self._anchors[event.anchor]) is None:
+                raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
+            return shared
         if depth > MAX_DEPTH:
             raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
@@ -194,14 +198,6 @@ class _Composer:
     def _children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
         while not isinstance(event := self._next(), end):
             yield self._node(event, depth + 1)
-
-    def _aliased(self, event: yaml.AliasEvent) -> Node:
-        if event.anchor not in self._anchors:
-            raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
-        node = self._anchors[event.anchor]
-        if node is None:
-            raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
-        return node
 
 
 def _short(text: str) -> str:
