@@ -194,12 +194,10 @@ def _decimal(digits: bytes) -> int:
 
 # SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
 
-_PLACES = (0, 5, 6, 1, 2, 56)
-"""Of the words that the fields of `SacHeader` but the last are."""
-
+_DELTA, _SMALLEST, _LARGEST, _BEGIN, _END, _MEAN = 0, 1, 2, 5, 6, 56
 _VERSION, _COUNT = 76, 79
 _LONGITUDES = (32, 36)
-"""Places of other words."""
+"""Places of words."""
 
 _UNKNOWN = -12345.0
 _SINGLE = 2.0**-22
@@ -237,7 +235,9 @@ def look_at_sac(data: bytes) -> SacHeader:
         if not abs(words[place]) <= -_UNKNOWN:
             raise Damaged(f"its header gives a longitude of {words[place]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
-    return SacHeader(*(words[place] for place in _PLACES), count)
+    places = (_DELTA, _BEGIN, _END, _SMALLEST, _LARGEST, _MEAN)
+    delta, begin, end, smallest, largest, mean = (words[place] for place in places)
+    return SacHeader(delta, begin, end, smallest, largest, mean, count)
 
 
 def sac_statements(header: SacHeader, traces: list[Any]) -> list[Statement]:

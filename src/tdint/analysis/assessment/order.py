@@ -29,7 +29,7 @@ from tdint.kernels.stories.law_state import commit, restoring, resume, start
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
-from tdint.model.building import assemble, force_table
+from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Tabular
 
@@ -121,6 +121,11 @@ class OrderProblem:
     ground: Array
     exact: Array
     stride: int = 1
+
+    @property
+    def building(self) -> Building:
+        """The oscillator as arrays."""
+        return self.prepared.building
 
 
 def order(
@@ -218,7 +223,7 @@ def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int 
     AnalysisError
         The method is unstable or does not converge.
     """
-    if integrator.family.linear_only and not problem.prepared.building.linear:
+    if integrator.family.linear_only and not problem.building.linear:
         raise UsageError(f"{integrator.label} integrates linear buildings only")
     if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), COARSEST):
         raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
