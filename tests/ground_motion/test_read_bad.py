@@ -12,7 +12,7 @@ import pytest
 
 from ground_motion.files import START, counts, refused, trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.reading.read import group_channels, join, read_record, read_records
+from tdint.ground_motion.reading.read import make_record, read_record, read_records
 
 
 class TestNoFile:
@@ -122,17 +122,15 @@ class TestSamples:
     def test_masked(self):
         masked = trace(wave())
         masked.data = np.ma.masked_greater(masked.data, 2.5)
-        (channel,) = group_channels([masked])
         with pytest.raises(RecordError, match=r"samples? marked as missing"):
-            join(channel, "a")
+            make_record(masked)
 
     @pytest.mark.parametrize("delta", [0.0, np.inf, np.nan])
     def test_sampling_interval(self, delta):
         odd = trace(wave())
         dict.__setitem__(odd.stats.__dict__, "delta", delta)
-        (channel,) = group_channels([odd])
         with pytest.raises(RecordError, match="sampling interval is"):
-            join(channel, "a")
+            make_record(odd)
 
     def test_time_beyond_the_calendar(self, tmp_path):
         data = bytearray(write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes())
