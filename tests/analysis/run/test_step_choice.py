@@ -186,7 +186,7 @@ def test_strides_go_with_the_fourth_root_of_what_they_may_miss():
 
 def test_the_pieces_of_a_strided_march_do_not_show(monkeypatch):
     """It is cut by time, so that it can be interrupted."""
-    case = prepare(ten_bilinear(), noise(samples=101), method="moment4")
+    case = prepare(ten_bilinear(), noise(samples=51), method="moment4")
     whole = run_case(case, tolerance=1e-3)
     monkeypatch.setattr(prepared, "_FIRST_PIECE", 70)
     monkeypatch.setattr(prepared, "_PIECE", 2e-5)
