@@ -123,18 +123,20 @@ def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> Non
     """Each once, as it was read last: a comment changes a file, not the campaign."""
 
     def told() -> dict[str, str]:
-        inputs = json.loads(Path("out/summary.json").read_text())["inputs"]
+        inputs = json.loads(Path("varied/summary.json").read_text())["inputs"]
         return {one["file"]: one["sha256"] for one in inputs}
 
     def there() -> dict[str, str]:
         return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in ("shaken.yaml", "stiff.yaml")}
 
+    change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"))
+    tdint("campaign", "study.yaml", "-o", "varied", code=0)
     before = told()
     assert before == there()
     Path("stiff.yaml").write_text(STIFF + "# checked\n")
-    again = tdint("campaign", "study.yaml", "-o", "out")
+    again = tdint("campaign", "study.yaml", "-o", "varied")
     assert "nothing to do" in again.stderr and told() == there() != before
-    tdint("campaign", "export", "out", code=0)
+    tdint("campaign", "export", "varied", code=0)
     assert told() == there()
 
 

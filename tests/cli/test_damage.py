@@ -203,7 +203,7 @@ def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
     assert not Path("out/losses.csv").exists()
 
 
-LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 3 m/s^2]}"
+LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 2.5 m/s^2]}"
 
 
 def test_fragility_of_each_type_and_state(region: Path, tdint: Command) -> None:
@@ -211,7 +211,10 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command) -> None:
     out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
     change("study.yaml", ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS), (", pairs: true", ", component: HNE"))
     tdint("campaign", "study.yaml", "-o", "levels", code=0)
-    tdint("fragility", "levels", "--by", "type", "--im", "pga", "-o", "f.csv", "--plot", "--openquake", "f.xml", code=0)
+    by_type = ("fragility", "levels", "--by", "type", "--im")
+    tdint.refused("no measure pgv", *by_type, "pgv")
+    result = tdint(*by_type, "pga", "-o", "f.csv", "--plot", "--openquake", "f.xml", code=0)
+    assert "f.xml: without B, which has no function of some states" in result.stderr
     found = {(row["type"], row["state"]): row for row in rows("f.csv")}
     assert Path("f.png").read_bytes().startswith(b"\x89PNG")
     runs = [

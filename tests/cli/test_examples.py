@@ -8,7 +8,8 @@ import pytest
 from csv_rows import rows
 from tdint.analysis.assessment.paper_examples import DT
 from tdint.output.figures import assessment, examples
-from tdint_cli.commands.examples import command
+from tdint.written_numbers import parse_grid
+from tdint_cli.commands import examples as commands
 
 COLUMNS = (
     "example,method,variant,dt_s,displacement_m_error,velocity_m_s_error,acceleration_m_s2_error,"
@@ -45,6 +46,7 @@ def test_examples_with_their_figures(here, tdint, numbers):
 def test_all_sixteen_figures(here, tdint, monkeypatch):
     """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no velocity, no variant;
     errors as |u - u_exact|; a building shows its masses and forces."""
+    monkeypatch.setattr(commands, "_RATIOS", parse_grid("0.5:2:2"))  # of 15; stability needs its 600 steps
     drawn = []
     for module, name in (
         (assessment, "accuracy_picture"),
@@ -134,5 +136,5 @@ def test_what_is_refused(here, tdint, arguments, code, message):
 
 
 def test_the_help_names_the_steps():
-    option = next(parameter for parameter in command.params if parameter.name == "dts")
+    option = next(parameter for parameter in commands.command.params if parameter.name == "dts")
     assert f"the paper's {DT:g} if there is none" in option.help

@@ -28,9 +28,10 @@ def test_problems_with_the_usual_methods(here, tdint, named):
     assert [line.split()[0] for line in said[2:]] == labels
 
 
-def test_chosen_methods_and_problems(tdint):
+def test_chosen_methods_and_problems(here, tdint):
     chosen = ("--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")
-    table = rows(tdint("failures", *chosen, code=0).stdout)
+    table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
+    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
         ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
     ]  # fmt: skip

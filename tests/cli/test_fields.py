@@ -195,8 +195,11 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
     tdint.refused("p2.csv: 1 motions, where p1.csv has 2", "campaign", "grid.yaml", "-o", "other", code=3)
 
 
-def test_a_map_of_each_event(losing: Path, tdint: Command) -> None:
+def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
     """How a map tells means and largest values is asked in test_maps.py."""
+    with Path("campaign.yaml").open("a") as stream:
+        stream.write("damage: {thresholds: {slight: 0.4%}, dispersion: 0.3}\n")
+    assert "nothing to do" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
     tdint("campaign", "export", "out", "--geojson", code=0)
     features = [one["properties"] for one in json.loads(Path("out/buildings.geojson").read_text())["features"]]
     assert [(one["building"], one["event"], one["runs"]) for one in features] == [

@@ -291,7 +291,7 @@ KEPT_SAFE = {
     "chart -o": ("shaken.yaml", ".csv", "chart {read} --method newmark-average -o {written}"),
     "stability --plugin": ("own.py", ".py", "stability --plugin {read} --method wilson -o {written}"),
     "order --style": (
-        "style",
+        "own.mplstyle",
         ".png",
         "order --method newmark-average --load free --style file={read} --plot={written}",
     ),

