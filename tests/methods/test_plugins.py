@@ -126,7 +126,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, rough_truth, mistake, monkeypatch):
+def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, monkeypatch):
     """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
