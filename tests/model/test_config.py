@@ -268,15 +268,6 @@ def test_yield_forces_of_the_bilinear_example() -> None:
     assert [story.law.parameters[0] for story in model.stories] == pytest.approx(expected, rel=1e-15)
 
 
-def test_paper_examples() -> None:
-    model = load_model(CONFIGS / "sdof-polynomial.yaml")
-    assert model.stories == (Story(10.0, None, 200.0, Law("polynomial", (200.0, 3.0)), 5.0),)
-    assert model.excitation.forces == (Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0))
-    chain = load_model(CONFIGS / "chain-150.yaml")
-    assert chain.stories == (Story(50.0, None, 500.0, Law("polynomial", (500.0, 0.2)), 10.0),) * 150
-    assert [force.floor for force in chain.excitation.forces] == [1, 1, 150, 150]
-
-
 def test_imports_nothing_heavy() -> None:
     heavy = "{'numpy', 'numba', 'scipy', 'obspy', 'click', 'matplotlib'}"
     code = f"import sys, tdint.model.config.model_file; print(sorted({heavy} & set(sys.modules)))"
