@@ -190,8 +190,8 @@ def test_what_rests_is_drawn(tmp_path):
     still = replace(motion(), acceleration=np.zeros(50))
     draw_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.svg")
     assert "roof displacement" in (tmp_path / "x.svg").read_text(encoding="utf-8")
-    for axes in ("periods", "tripartite", "adrs"):
-        draw_spectra([spectrum(still, np.array([0.5, 1.0]))], tmp_path / f"{axes}.svg", axes)
+    for axes, periods in (("periods", [1.0]), ("tripartite", [0.5, 1.0]), ("adrs", [0.5, 1.0])):
+        draw_spectra([spectrum(still, np.array(periods))], tmp_path / f"{axes}.svg", axes)
     assert "period (s)" in (tmp_path / "periods.svg").read_text(encoding="utf-8")
 
 
@@ -202,11 +202,11 @@ def test_a_processed_record_is_called_so():
 
 
 @pytest.mark.parametrize("axes", ["periods", "tripartite", "adrs"])
-@pytest.mark.parametrize("count", [2, 22])
+@pytest.mark.parametrize("count", [1, 2, 22])
 def test_axes_and_suites(tmp_path, axes, count):
     """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a logarithmic axis."""
     periods = np.array([0.0, *np.geomspace(0.05, 2.0, 9)])
-    motions = [motion(source=f"{i}.txt", size=50).scaled(1.0 + i) for i in range(count)]
+    motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(count)]
     spectra = [spectrum(record, periods, ratio) for record in motions for ratio in (0.02, 0.05)]
     draw_spectra(spectra, tmp_path / "x.svg", axes)
     text = (tmp_path / "x.svg").read_text(encoding="utf-8")
