@@ -62,7 +62,7 @@ def test_text_is_quoted_where_needed_and_is_utf8():
     names = ["a,b", 'say "x"', "two\nlines", "Köln", "plain"]
     data = Table(("name", "n"), [(name, 1) for name in names]).csv()
     assert read(data) == [["name", "n"], *([name.replace("\n", r"\n"), "1"] for name in names)]
-    assert Table(("name", "n"), [("x", 1)]).csv(header=False) == b"x,1\n"
+    assert Table(("name", "n"), [("x", 1)]).csv() == b"name,n\nx,1\n"
 
 
 def test_a_file_name_that_is_not_utf8_is_written_out():
