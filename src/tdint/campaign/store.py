@@ -226,6 +226,10 @@ class Store:
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
+    def parameters(self) -> dict[str, Any]:
+        """The same as values."""
+        return {name: json.loads(value) for name, value in self.settings().items()}
+
     def varied(self) -> list[dict[str, float]]:
         """What a sweep changed in each building, by its number; empty without a sweep."""
         return list(json.loads(self._known("varied") or "[]"))
