@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import tdint
 from tdint.errors import ModelError
 from tdint.ground_motion.processing import Processing, RecordChoice
 from tdint.model.config.model_file import load_model
@@ -280,23 +279,6 @@ def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
     assert two.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
 
 
-CONFIG_FILES = sorted(CONFIGS.glob("*.yaml"))
-
-
-def test_there_are_example_models() -> None:
-    names = {path.stem for path in CONFIG_FILES}
-    assert {"ten-story", "ten-story-bilinear", "sdof-polynomial", "two-story-polynomial", "chain-150"} <= names
-    assert {"base-isolated", "fluid-dampers"} <= names
-
-
-@pytest.mark.parametrize("path", CONFIG_FILES, ids=lambda path: path.stem)
-def test_example_model_loads(path: Path) -> None:
-    model = load_model(path)
-    assert path.read_text().startswith("# ")
-    assert model.stories
-    assert model.excitation.record or model.excitation.forces or any(model.initial.displacement)
-
-
 def test_yield_forces_of_the_bilinear_example() -> None:
     model = load_model(CONFIGS / "ten-story-bilinear.yaml")
     base = 0.15 * 10 * 2e5 * 9.81
@@ -311,10 +293,6 @@ def test_paper_examples() -> None:
     chain = load_model(CONFIGS / "chain-150.yaml")
     assert chain.stories == (Story(50.0, None, 500.0, Law("polynomial", (500.0, 0.2)), 10.0),) * 150
     assert [force.floor for force in chain.excitation.forces] == [1, 1, 150, 150]
-
-
-def test_api_name() -> None:
-    assert tdint.load_model.__wrapped__ is load_model
 
 
 def test_imports_nothing_heavy() -> None:

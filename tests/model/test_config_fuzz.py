@@ -75,7 +75,7 @@ def test_not_numbers(text: str, shown: str) -> None:
     assert str(caught.value) == f"<stream>:6:16: excitation.forces[1].amplitude: must be a number, got {shown}"
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.text(max_size=100))
 @example('"\\UFFFFFFFF"')
 @example("%YAML " + "9" * 5000 + ".1\n--- a")
@@ -86,7 +86,7 @@ def test_any_text(text: str) -> None:
     sound(text)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40).map("".join)
 )
@@ -108,7 +108,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4), st.booleans())
 def test_any_tree_under_known_keys(tree: dict[str, object], sound_stories: bool) -> None:
     if sound_stories:

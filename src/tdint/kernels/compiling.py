@@ -51,18 +51,18 @@ class Kernel(Compilable):
         """The kernel for all that there is."""
         return self.variant(EVERYTHING)
 
-    def variant(self, wanted: Variant) -> Callable[..., Any]:
+    def variant(self, variant: Variant) -> Callable[..., Any]:
         """The kernel for what a scene needs."""
         last, function = self._last
-        if function is not None and wanted is last:
+        if function is not None and variant is last:
             return function
-        needed = self.needs(wanted)
+        needed = self.needs(variant)
         if needed not in self._loaded:
             from tdint.kernels.building.obtaining import obtain
 
             obtain([(self, needed)])
         function = self._loaded[needed]
-        self._last = wanted, function
+        self._last = variant, function
         return function
 
 

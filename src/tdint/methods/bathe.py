@@ -35,6 +35,7 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     n = linear_terms.shape[1] - 1
+    # Where both sub-steps weigh alike they share a matrix, which is factored once.
     one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     second_factors = _FACTORS if one_matrix else (_FACTORS + work.shape[0]) // 2
     if report[at.FACTORED_STEP] != h:

@@ -37,6 +37,7 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     for i in range(n):
         work[0, i] = 0.0
         work[1, i] = 0.0
+    # What each number of the state and of the loads at both ends adds.
     for j in range(2 * n + 2 * loads):
         if j < n:
             factor = state[at.DISPLACEMENT, j]
@@ -85,9 +86,25 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     series = np.maximum(omega_h, 2.0 * damping * omega_h) < _SERIES_BELOW
     closed = ~series & (damping < 1.0)
     if series.any():
-        result[series] = _by_series(omega_h[series], damping[series])
+        # Taylor series of the impulse response and its first two integrals; exact at omega = 0.
+        w, xi = omega_h[series], damping[series]
+        count = _TERMS[0] + math.ceil(_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
+        terms = np.empty((count, *w.shape))
+        terms[0], terms[1] = 1.0, -2.0 * xi * w
+        for n in range(2, count):
+            terms[n] = terms[1] * terms[n - 1] - w * w * terms[n - 2]
+        inverse = 1.0 / np.cumprod(np.arange(1.0, count + 3.0))  # of the factorials from 1! on
+        g, i1, i2 = (np.tensordot(inverse[k : k + count], terms, 1) for k in range(3))
+        a11 = 1.0 - w * w * i1
+        result[series] = _fill(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
     if closed.any():
-        result[closed] = _closed_form(omega_h[closed], damping[closed])
+        w, xi = omega_h[closed], damping[closed]
+        damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
+        c, g = decay * np.cos(damped), decay * np.sin(damped) / damped
+        a11 = c + xi * w * g
+        i1 = (1.0 - a11) / w**2
+        i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
+        result[closed] = _fill(w, g, i1, i2, a11, c - xi * w * g)
     for index in np.argwhere(~series & ~closed):
         w, xi = omega_h[tuple(index)], damping[tuple(index)]
         result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))
@@ -97,30 +114,6 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
 def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
     rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
     return np.moveaxis(rows, (0, 1), (-2, -1))
-
-
-def _by_series(w: Array, xi: Array) -> Array:
-    """Taylor series of the impulse response and its first two integrals; exact at omega = 0."""
-    count = _TERMS[0] + math.ceil(_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
-    terms = np.empty((count, *w.shape))
-    terms[0], terms[1] = 1.0, -2.0 * xi * w
-    for n in range(2, count):
-        terms[n] = terms[1] * terms[n - 1] - w * w * terms[n - 2]
-    inverse = 1.0 / np.cumprod(np.arange(1.0, count + 3.0))  # of the factorials from 1! on
-    g, i1, i2 = (np.tensordot(inverse[k : k + count], terms, 1) for k in range(3))
-    a11 = 1.0 - w * w * i1
-    return _fill(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
-
-
-def _closed_form(w: Array, xi: Array) -> Array:
-    damped = w * np.sqrt((1.0 - xi) * (1.0 + xi))
-    decay = np.exp(-xi * w)
-    c = decay * np.cos(damped)
-    g = decay * np.sin(damped) / damped
-    a11 = c + xi * w * g
-    i1 = (1.0 - a11) / w**2
-    i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
-    return _fill(w, g, i1, i2, a11, c - xi * w * g)
 
 
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
@@ -154,29 +147,21 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
         per_mass = 1.0 / building.mass[:, None]
         matrix = _van_loan(h * h * per_mass * k, h * per_mass * c, patterns)
     else:
-        matrix = _from_modes(oscillator(modes.omega * h, classical), modes.shapes, building.mass, patterns)
+        # The steps of the modes, put together; their shapes are mass-normalized columns.
+        steps, shapes = oscillator(modes.omega * h, classical), modes.shapes
+        to_modes = shapes.T * building.mass
+        load_to_modes = to_modes @ patterns
+        of_columns = (to_modes, to_modes, load_to_modes, load_to_modes)
+        blocks = [
+            [shapes @ (steps[:, row, column, None] * of_columns[column]) for column in range(4)] for row in range(2)
+        ]
+        matrix = np.block(blocks)
     loads = patterns.shape[1]
     # From unit step to h: rows v / h; columns h v0, h^2 p.
     matrix[n:] /= h
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h
     return np.ascontiguousarray(matrix.T).ravel()
-
-
-def _from_modes(
-    steps: Array,
-    shapes: Array,
-    mass: Array,
-    patterns: Array,
-) -> Array:
-    """Put the modes' steps, shape (modes, 2, 4), together; shapes are mass-normalized columns."""
-    to_modes = shapes.T * mass
-    modal_patterns = to_modes @ patterns
-    parts = [
-        [shapes @ (steps[:, row, column, None] * (to_modes if column < 2 else modal_patterns)) for column in range(4)]
-        for row in range(2)
-    ]
-    return np.block(parts)
 
 
 FAMILY = Family(

@@ -69,8 +69,7 @@ def _by_branches(coefficients, scene, h, load, memory):
     errs (`join`). Where all laws are linear on their branches, a piece is one linear solve; curved ones among them take
     Newton's iteration. Where the step is too large for the interpolant, the motion up to a change may fall short of it:
     the piece is taken, and the change looked for from there. Or it may go far beyond: the change is looked for again on
-    the interpolant of the piece. Where there are more than a few such pieces per story, the
-    state is left as it was.
+    the interpolant of the piece. Where there are more than a few such pieces per story, the state is left as it was.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, springs, work, report = memory
@@ -238,14 +237,12 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
         if frozen and springs[at.SLOPE, i] < math.inf:
             advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
         elif CURVES and frozen and work[ROW.KINK, i] != 0.0:
-            if work[ROW.BEFORE, i] == at.FIRST_TRIAL:
-                settle(law_parameters, springs, i, 0, at.THIRD_TRIAL)
-                settle(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL)
-                commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-            else:
-                settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
-                settle(law_parameters, springs, i, at.FIRST_TRIAL, at.THIRD_TRIAL)
-                commit(law_parameters, springs, i, at.THIRD_TRIAL, at.SECOND_TRIAL)
+            # The inner point and the turn, in the order in which the motion comes to them
+            second = int(work[ROW.BEFORE, i])
+            first = at.THIRD_TRIAL if second == at.FIRST_TRIAL else at.FIRST_TRIAL
+            settle(law_parameters, springs, i, 0, first)
+            settle(law_parameters, springs, i, first, second)
+            commit(law_parameters, springs, i, second, at.SECOND_TRIAL)
         else:
             settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
             commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)

@@ -80,6 +80,7 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
         factor_combination(linear_terms, modal, law_parameters, at.STIFFNESS, combination, factors, n)
         report[at.FACTORED_STEP] = h
+    # The weighted point for q1 = q0: what is out of balance there gives the change of q.
     _weighted_load(linear_terms, forces, weight, h, load, work, n)
     _advance(linear_terms, law_parameters, weight, by_k, h, memory)
     for i in range(n):
@@ -179,6 +180,7 @@ def chang_step(coefficients, linear_terms, modal, law_parameters, forces, flags,
     for i in range(n):
         inner = work[_ROW.SUM, i] - linear_terms[at.LINK, i + 1] * work[_ROW.SUM, i + 1]
         work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i] - inner
+    # The displacement at the end follows from the start alone.
     solve_damped(first, modal, _ROW.X, n)
     below = 0.0
     for i in range(n):

@@ -77,6 +77,7 @@ def explicit_step(
         for i in range(n):
             work[_AT.U, i] = state[at.DISPLACEMENT, i]
             work[_AT.V + stage, i] = state[at.VELOCITY, i]
+        # A stage is the start and what the rates of the earlier ones add.
         for earlier in range(stage):
             weight = h * coefficients[row + 1 + earlier]
             for i in range(n):
@@ -86,6 +87,7 @@ def explicit_step(
         for i in range(n):
             restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, work[_AT.U, i] - linear_terms[at.LINK, i] * below)
             below = work[_AT.U, i]
+        # Its acceleration from equilibrium at its own time, the ground linear in the step.
         c = coefficients[row]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
         floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _AT.LOAD)
@@ -202,6 +204,7 @@ def implicit_step(
         if _in_balance(iterations == ITERATIONS, linear_terms, modal, work, report):
             break
         if iterations >= PATIENCE:
+            # A correction that led farther from balance is taken back by half, and by half again.
             size = squares(linear_terms, work, _ROW.R, n) + squares(linear_terms, work, _ROW.R + 1, n)
             if too_far(size, before, part):
                 part *= 0.5

@@ -49,6 +49,7 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         forget(work, _FACTORS, n)
         report[at.FACTORED_STEP] = h
     _predict(coefficients, linear_terms, forces, h, load, state, work)
+    # What brings the weighted point into balance: the state at the end follows from it.
     weights = Weights(coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1])
     code = balance(weights, _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
     if code < 0:
@@ -131,9 +132,9 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 def _rho_inf(row: tuple[float, ...]) -> float:
     roots = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
     # Rounding parts two roots that meet by up to 1e-8, along the real axis or off it; their mean is right to rounding.
-    for one, other in ((0, 1), (0, 2), (1, 2)):
-        if abs(roots[one] - roots[other]) < 1e-7:
-            roots[[one, other]] = 0.5 * (roots[one] + roots[other])
+    for first, other in ((0, 1), (0, 2), (1, 2)):
+        if abs(roots[first] - roots[other]) < 1e-7:
+            roots[[first, other]] = 0.5 * (roots[first] + roots[other])
     return float(np.max(np.abs(roots)))
 
 
@@ -153,21 +154,15 @@ def collocation_theta(beta: float) -> float:
     """
     low, high = Fraction(1), Fraction(2)
     for _ in range(60):
-        middle = (low + high) / 2
-        if _discriminant_at_infinity(Fraction(beta), middle) < 0:
-            high = middle
+        theta = (low + high) / 2
+        # At infinity u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 / 2) u + beta theta^3 =
+        # 0. Two of its roots are complex where the discriminant is negative.
+        a, b, c = 1 + theta, Fraction(beta) + (theta + theta**2) / 2, Fraction(beta) * theta**3
+        if a**2 * b**2 - 4 * b**3 - 4 * a**3 * c - 27 * c**2 + 18 * a * b * c < 0:
+            high = theta
         else:
-            low = middle
+            low = theta
     return float(high)
-
-
-def _discriminant_at_infinity(beta: Fraction, theta: Fraction) -> Fraction:
-    """Negative where two of the roots z of `collocation` at infinity are complex.
-
-    There u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 / 2) u + beta theta^3 = 0.
-    """
-    a, b, c = 1 + theta, beta + (theta + theta**2) / 2, beta * theta**3
-    return a**2 * b**2 - 4 * b**3 - 4 * a**3 * c - 27 * c**2 + 18 * a * b * c
 
 
 def _collocation_limit(beta: float, theta: float) -> float:

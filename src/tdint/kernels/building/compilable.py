@@ -123,18 +123,18 @@ class Compilable:
         """Where the kernel stands, as `package.module:function`."""
         return f"{self.function.__module__}:{self.function.__qualname__}"
 
-    def needs(self, wanted: Variant) -> Variant:
+    def needs(self, variant: Variant) -> Variant:
         """What of a variant matters to this kernel."""
-        found = self._needs.get(wanted)
-        if found is None:
-            found = self._needs[wanted] = EVERYTHING if WHOLE and not wanted.outside else wanted.only(self.parts)
-        return found
+        needed = self._needs.get(variant)
+        if needed is None:
+            needed = self._needs[variant] = EVERYTHING if WHOLE and not variant.outside else variant.only(self.parts)
+        return needed
 
-    def loaded(self, wanted: Variant) -> bool:
+    def loaded(self, variant: Variant) -> bool:
         """Whether this process has the kernel."""
         last, function = self._last
-        return (function is not None and wanted is last) or self.needs(wanted) in self._loaded
+        return (function is not None and variant is last) or self.needs(variant) in self._loaded
 
-    def take(self, wanted: Variant, function: Callable[..., Any]) -> None:
+    def take(self, variant: Variant, function: Callable[..., Any]) -> None:
         """Take a compiled function for a variant."""
-        self._loaded[self.needs(wanted)] = function
+        self._loaded[self.needs(variant)] = function

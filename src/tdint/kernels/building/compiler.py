@@ -101,8 +101,8 @@ def called_at(signature: Signature) -> Any:
             function = builder.inttoptr(values[0], function_type.as_pointer())
             parts = cgutils.unpack_tuple(builder, values[1], len(arguments))
             parts = [
-                context.cast(builder, part, one, wanted)
-                for part, one, wanted in zip(parts, given, arguments, strict=True)
+                context.cast(builder, part, value, argument)
+                for part, value, argument in zip(parts, given, arguments, strict=True)
             ]
             _, result = convention.call_function(builder, function, returns, arguments, parts)
             return result
@@ -165,7 +165,10 @@ def objects_of(
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
-    if left := _left_open(text):
+    # Functions that it declares and uses, but for LLVM's own and the C library's.
+    declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
+    foreign = (name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH)
+    if left := sorted(name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1):
         raise ValueError(f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise")
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
     text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
@@ -190,22 +193,10 @@ def _emitted(text: str, target: Target) -> bytes:
         text += _PROBE
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    for one in module.functions:
-        if not one.is_declaration:
-            one.add_function_attribute("nounwind")
+    for function in module.functions:
+        if not function.is_declaration:
+            function.add_function_attribute("nounwind")
     return bytes(machine.emit_object(module))
-
-
-def _left_open(text: str) -> list[str]:
-    """Functions that LLVM text declares and uses, but for LLVM's own and the C library's."""
-    declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
-    return sorted(
-        name
-        for name in declared
-        if not name.strip('"').startswith("llvm.")
-        and name not in _MATH
-        and len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
-    )
 
 
 def _type(argument: Argument) -> Any:

@@ -53,6 +53,9 @@ COUNTING_TURNS = tuple(float(code) for code, law in enumerate(LAWS) if law.count
 COUNTS_TURNS = any(LAWS[code].counts_turns for code in COMPILED)
 """Whether a story may decide something for good where it turns."""
 
+ANY_APART = any(LAWS[code].apart for code in COMPILED)
+"""Whether a law may stand apart: the stiffness of such a one's branches may hang on what the story has done before."""
+
 # The first laws are put into each place that goes by the law, and so is what laws that stand apart have in common: a
 # look at the branch, then a call at the law's address. The others are compiled once, together, and called: compiling
 # the loops takes long enough.
@@ -94,7 +97,7 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
 def _places() -> list[int]:
     """The numbers of the compiled laws in the order in which a story's own is looked for, `_APART` behind the frequent
     ones."""
-    apart = [_APART] if any(LAWS[code].apart for code in COMPILED) else []
+    apart = [_APART] if ANY_APART else []
     others = [code for code in COMPILED if not LAWS[code].apart]
     frequent = [code for code in others if code < _FREQUENT]
     return [*frequent, *apart, *others[len(frequent) :]]

@@ -117,10 +117,10 @@ def _kernel(code: int) -> Kernel:
     """`_all_hooks` of one law."""
     functions = LAWS[code].functions()
     names = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
-    own = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
-    own.__qualname__ = own.__name__
-    own.__module__ = __name__
-    return Kernel(own, _SIGNATURE, ())
+    hooks = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
+    hooks.__qualname__ = hooks.__name__
+    hooks.__module__ = __name__
+    return Kernel(hooks, _SIGNATURE, ())
 
 
 def __getattr__(name: str) -> Kernel:

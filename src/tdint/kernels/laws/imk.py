@@ -358,10 +358,7 @@ _SIDES = (
 )
 
 
-def _capacity(name: str) -> LawParameter:
-    one = LawParameter(name, length=1, low=0.0, low_allowed=False, group="deterioration", shared=True)
-    return replace(one, default=math.inf, without=math.inf)
-
+_CAPACITY = LawParameter("strength", length=1, low=0.0, low_allowed=False, group="deterioration", shared=True)
 
 LAW = DriftLaw(
     "imk",
@@ -370,7 +367,10 @@ LAW = DriftLaw(
     parameters=(
         *_SIDES,
         *(replace(one, default=one.name, group="negative") for one in _SIDES),
-        *(_capacity(name) for name in ("strength", "capping", "reloading", "unloading")),
+        *(
+            replace(_CAPACITY, name=name, default=math.inf, without=math.inf)
+            for name in ("strength", "capping", "reloading", "unloading")
+        ),
         LawParameter("exponent", low=0.0, low_allowed=False, default=1.0),
         LawParameter("force", low=0.0, high=1.0, low_allowed=False, group="pinching", without=1.0),
         LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),

@@ -124,8 +124,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     return replace(functions, force=force, keep=keep_what_changed)
 
 
-def advancing(own: Any) -> Any:
-    """A function that goes to a drift on the present branch of the state in a block; `own` is `DriftLaw.advance`."""
+def advancing(move: Any) -> Any:
+    """A function that goes to a drift on the present branch of the state in a block; `move` is `DriftLaw.advance`."""
 
     @inlined
     def advance(law_parameters, springs, i, block, drift):
@@ -134,15 +134,15 @@ def advancing(own: Any) -> Any:
         new = force + springs[block + at.SLOPE, i] * step
         springs[block + at.DRIFT, i] = drift
         springs[block + at.FORCE, i] = new
-        own(law_parameters, springs, i, block, step, 0.5 * (force + new))
+        move(law_parameters, springs, i, block, step, 0.5 * (force + new))
 
     return advance
 
 
-def walker(switch: Any, own: Any = None) -> Any:
+def walker(switch: Any, move: Any = None) -> Any:
     """A `DriftLaw.force` that goes straight from the state in `past` to `drift`, over as many branches as lie on the
     way."""
-    advance = advancing(own or inlined(add_work))
+    advance = advancing(move or inlined(add_work))
 
     @specialized
     def walk(law_parameters, springs, i, past, trial, drift):

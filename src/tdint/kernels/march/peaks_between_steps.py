@@ -162,18 +162,18 @@ def _story(floor, below, link, drift):
 @inlined
 def _moved(linear_terms, i, floor, above, mass):
     """Motion times mass of floor `i` and all above, of which that of those above is given; and their mass."""
-    link, own = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
+    link, floor_mass = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
     ends = Ends(
-        u0=link * above.u0 + own * floor.u0,
-        v0=link * above.v0 + own * floor.v0,
-        a0=link * above.a0 + own * floor.a0,
-        u1=link * above.u1 + own * floor.u1,
-        v1=link * above.v1 + own * floor.v1,
-        a1=link * above.a1 + own * floor.a1,
-        w=link * above.w + own * floor.w,
-        b=link * above.b + own * floor.b,
+        u0=link * above.u0 + floor_mass * floor.u0,
+        v0=link * above.v0 + floor_mass * floor.v0,
+        a0=link * above.a0 + floor_mass * floor.a0,
+        u1=link * above.u1 + floor_mass * floor.u1,
+        v1=link * above.v1 + floor_mass * floor.v1,
+        a1=link * above.a1 + floor_mass * floor.a1,
+        w=link * above.w + floor_mass * floor.w,
+        b=link * above.b + floor_mass * floor.b,
     )
-    return ends, link * mass + own
+    return ends, link * mass + floor_mass
 
 
 @inlined
@@ -278,9 +278,9 @@ def bulge(by_h, ends):
 @inlined
 def _most(absolute_0, absolute_1, bulge, tilt):
     """The larger of the absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
-    one = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
+    first = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
     other = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
-    return max(one, other) / 3.0
+    return max(first, other) / 3.0
 
 
 @inlined

@@ -273,10 +273,10 @@ def _respond(ground, parts, h, oscillator, steps, series, state):
                 continue
             state[U], state[V], state[SIDE], state[OFFSET] = u, v, side, offset
             state[UPPER], state[LOWER], state[PEAK] = upper, lower, peak
-            found = _within(state, series, oscillator, g0, rise / h, h)
-            if found < 0:
-                return found
-            events += found
+            count = _within(state, series, oscillator, g0, rise / h, h)
+            if count < 0:
+                return count
+            events += count
             u, v, side, offset = state[U], state[V], state[SIDE], state[OFFSET]
             upper, lower, peak = state[UPPER], state[LOWER], state[PEAK]
             g0 += rise

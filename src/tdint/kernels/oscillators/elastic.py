@@ -130,8 +130,8 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, whole, 0], starts[i, whole, 1] = us[i], vs[i]
             best[:] = 0.0
-            one = _One(ground, h, oscillators, group + i, starts[i], between, series, best)
-            _search(one, tops[i], shaking)
+            oscillator = _One(ground, h, oscillators, group + i, starts[i], between, series, best)
+            _search(oscillator, tops[i], shaking)
             for k in range(PEAKS):
                 result[k, group + i] = best[k]
     return 0
@@ -162,15 +162,15 @@ class _One(NamedTuple):
 
 
 @inlined
-def _vibration(one):
-    oscillators, column = one.oscillators, one.column
-    return Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], one.h)
+def _vibration(oscillator):
+    oscillators, column = oscillator.oscillators, oscillator.column
+    return Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], oscillator.h)
 
 
 @called
-def _search(one, tops, shaking):
+def _search(oscillator, tops, shaking):
     """Largest values of one oscillator, from its largest at the samples of each stretch."""
-    best = one.best
+    best = oscillator.best
     whole = tops.shape[0]
     at_u = at_v = at_a = whole
     for c in range(whole):
@@ -180,17 +180,17 @@ def _search(one, tops, shaking):
             at_v, best[1] = c, tops[c, 1]
         if tops[c, 2] > best[2]:
             at_a, best[2] = c, tops[c, 2]
-    _march(one, whole)
-    if one.between == 0:
+    _march(oscillator, whole)
+    if oscillator.between == 0:
         return
     # The stretches of the largest samples come first: what they leave is hard to exceed.
     if at_u < whole:
-        _march(one, at_u)
+        _march(oscillator, at_u)
     if at_v < whole and at_v != at_u:
-        _march(one, at_v)
+        _march(oscillator, at_v)
     if at_a < whole and at_a != at_u and at_a != at_v:
-        _march(one, at_a)
-    vibration = _vibration(one)
+        _march(oscillator, at_a)
+    vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
     margin = rise(vibration)
     for c in range(whole):
@@ -204,18 +204,18 @@ def _search(one, tops, shaking):
             or tops[c, 1] + margin * bend_v > best[1]
             or tops[c, 2] + margin * bend_a > best[2]
         ):
-            _march(one, c)
+            _march(oscillator, c)
 
 
 @called
-def _march(one, stretch):
+def _march(oscillator, stretch):
     """March one oscillator over a stretch (or the steps after the last whole one) and look between the samples."""
-    ground, h, oscillators, column, starts, between, series, best = one
+    ground, h, oscillators, column, starts, between, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
-    vibration = _vibration(one)
+    vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
     margin, n = rise(vibration), terms(vibration)
     u, v = starts[stretch, 0], starts[stretch, 1]

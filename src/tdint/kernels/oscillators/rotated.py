@@ -124,8 +124,8 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
             best[:] = 0.0
             column = group + i
             vibration = Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h)
-            one = _One(ground, oscillators, column, vibration, directions, starts[i], work, series, best)
-            _search(one, tops[i], between * rise(vibration))
+            oscillator = _One(ground, oscillators, column, vibration, directions, starts[i], work, series, best)
+            _search(oscillator, tops[i], between * rise(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
     return 0
@@ -183,15 +183,15 @@ class _One(NamedTuple):
 
 
 @called
-def _search(one, tops, margin):
+def _search(oscillator, tops, margin):
     """Largest displacements of one oscillator in all directions, from those along the axes in each stretch.
 
     `margin` is its `rise`, 0 if nobody asks for what lies between the steps."""
-    work, best = one.work, one.best
+    work, best = oscillator.work, oscillator.best
     whole = tops.shape[0]
     lows = work[_LOWS]
     # The stretches of the largest displacements along the axes come first: what they leave is hard to exceed.
-    _march(one, whole, margin, True)
+    _march(oscillator, whole, margin, True)
     last = whole
     for k in range(AXES):
         place = 0
@@ -199,15 +199,15 @@ def _search(one, tops, margin):
             if tops[c, k] > tops[place, k]:
                 place = c
         if whole > 0 and place != last:
-            _march(one, place, margin, True)
+            _march(oscillator, place, margin, True)
             last = place
     for k in range(_SECTORS):
         lows[k] = _lowest(best, k)
-    _march(one, whole, margin, False)
+    _march(oscillator, whole, margin, False)
     for c in range(whole):
         _interpolate(tops[c], work)
         if _count_higher(work, margin * tops[c, _BEND]) > 0:
-            _march(one, c, margin, False)
+            _march(oscillator, c, margin, False)
 
 
 @called
@@ -217,9 +217,9 @@ def _interpolate(top, work):
     A direction between two axes is a sum of both with positive factors, and so is the displacement along it.
     """
     for k in range(AXES):
-        one, other = top[k], top[(k + 1) % AXES]
+        first, other = top[k], top[(k + 1) % AXES]
         for j in range(_SECTORS_PER_WEDGE):
-            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * one + _FACTORS[j] * other
+            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * other
             work[_BEFORE, k * _SECTORS_PER_WEDGE + j] = work[_AFTER, k * _SECTORS_PER_WEDGE + j] = bound
     work[_BEFORE, _SECTORS] = work[_AFTER, _SECTORS] = top[0]
 
@@ -234,12 +234,12 @@ def _lowest(best, sector):
 
 
 @called
-def _march(one, stretch, margin, coarse):
+def _march(oscillator, stretch, margin, coarse):
     """March one oscillator over a stretch (or the steps after the last whole one) and raise `best`.
 
     `coarse`: by the values at the steps' ends in all directions; else also by those between, where they may be larger.
     """
-    ground, oscillators, column, vibration, directions, starts, work, series, best = one
+    ground, oscillators, column, vibration, directions, starts, work, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]
     a21, a22 = oscillators[A21, column], oscillators[A22, column]

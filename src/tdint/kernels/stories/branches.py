@@ -136,10 +136,10 @@ def _crossing(cubic, limit, slack, before):
     discriminant = b * b - a * c
     if discriminant > 0.0:
         q = -(b + math.copysign(math.sqrt(discriminant), b))
-        one = q / a if a != 0.0 else 1.0
+        root = q / a if a != 0.0 else 1.0
         other = c / q if q != 0.0 else 1.0
-        s_low = min(max(min(one, other), 0.0), 1.0)
-        s_high = min(max(max(one, other), 0.0), 1.0)
+        s_low = min(max(min(root, other), 0.0), 1.0)
+        s_high = min(max(max(root, other), 0.0), 1.0)
         low = _bezier(cubic, s_low)
         high = _bezier(cubic, s_high)
     if not _rises_beyond(d0, d1, low, high, d3, limit + slack):

@@ -53,11 +53,11 @@ def cut_at_rest(part):
 
 @inlined
 def _add(linear_terms, i, move, s, weight):
-    rise, bend, h, work, whole, own = move
+    rise, bend, h, work, whole, rows = move
     force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment = 12.0 * weight * s
-    work[own + path.MEAN, i] += weight * force
-    work[own + path.MOMENT, i] += moment * force
+    work[rows + path.MEAN, i] += weight * force
+    work[rows + path.MOMENT, i] += moment * force
     work[whole + path.MEAN_BY_RISE, i] += weight * slope / h
     work[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
     work[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
@@ -86,12 +86,12 @@ _over_parts = cut_at_rest(_part)
 
 
 @called
-def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, own):
-    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into rows `own` and `own` + 1; they
+def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, rows):
+    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into `rows` and the row behind; they
     and the tangents are added to the rows from `whole` on."""
-    move = _Move(rise, bend, h, work, whole, own)
-    work[own + path.MEAN, i] = 0.0
-    work[own + path.MOMENT, i] = 0.0
+    move = _Move(rise, bend, h, work, whole, rows)
+    work[rows + path.MEAN, i] = 0.0
+    work[rows + path.MOMENT, i] = 0.0
     _over_parts(linear_terms, i, move)
-    work[whole + path.MEAN, i] += work[own + path.MEAN, i]
-    work[whole + path.MOMENT, i] += work[own + path.MOMENT, i]
+    work[whole + path.MEAN, i] += work[rows + path.MEAN, i]
+    work[whole + path.MOMENT, i] += work[rows + path.MOMENT, i]

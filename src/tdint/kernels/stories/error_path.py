@@ -91,8 +91,8 @@ def follow(law_parameters, springs, i, whole, bubbles, turned, results):
     elif law_parameters[at.CODE, i] in DISSIPATING:
         _with_memory(law_parameters, springs, i, whole, bubbles, results)
     else:
-        wanted = path.points_wanted(law_parameters, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
-        _integrate(law_parameters, springs, i, 0, True, wanted, whole, results)
+        count = path.points_wanted(law_parameters, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
+        _integrate(law_parameters, springs, i, 0, True, count, whole, results)
 
 
 @inlined
@@ -161,10 +161,10 @@ def _over_branches(law_parameters, springs, i, stretch, bubbles, turned, results
 
 
 @called
-def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, results):
+def _integrate(law_parameters, springs, i, past, elastic, count, stretch, results):
     """As in `path`."""
-    parts = math.ceil(wanted / path.MOST_POINTS)
-    points = max(math.ceil(wanted / parts), _PIECE_POINTS)
+    parts = math.ceil(count / path.MOST_POINTS)
+    points = max(math.ceil(count / parts), _PIECE_POINTS)
     length = (stretch.end - stretch.begin) / parts
     trial = at.FIRST_TRIAL
     for part in range(parts):

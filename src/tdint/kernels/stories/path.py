@@ -209,8 +209,8 @@ def follow(law_parameters, springs, i, rise, bend, steady, work, out):
     elif law_parameters[at.CODE, i] in DISSIPATING:
         _with_memory(law_parameters, springs, i, whole, results)
     else:
-        wanted = points_wanted(law_parameters, springs, i, abs(rise) + 0.5 * abs(bend))
-        _integrate(law_parameters, springs, i, 0, True, wanted, whole, results)
+        count = points_wanted(law_parameters, springs, i, abs(rise) + 0.5 * abs(bend))
+        _integrate(law_parameters, springs, i, 0, True, count, whole, results)
 
 
 @called
@@ -404,26 +404,26 @@ def in_two_parts(integrate):
         begin = stretch.begin
         ahead = _kink(law_parameters, springs, i, past, side)
         if ahead < way:
-            wanted = points_wanted(law_parameters, springs, i, ahead)
+            count = points_wanted(law_parameters, springs, i, ahead)
             there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
-            past = integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
+            past = integrate(law_parameters, springs, i, past, False, count, part_of(stretch, begin, there), results)
             begin = there
             way -= ahead
-        wanted = points_wanted(law_parameters, springs, i, way)
-        return integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
+        count = points_wanted(law_parameters, springs, i, way)
+        return integrate(law_parameters, springs, i, past, False, count, part_of(stretch, begin, stretch.end), results)
 
     return go
 
 
 @called
-def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, results):
-    """Add a stretch, by at least `wanted` Gauss points; returns the block of the state at the last of them.
+def _integrate(law_parameters, springs, i, past, elastic, count, stretch, results):
+    """Add a stretch, by at least `count` Gauss points; returns the block of the state at the last of them.
 
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
     """
     work, out = results
-    parts = math.ceil(wanted / MOST_POINTS)
-    points = math.ceil(wanted / parts)
+    parts = math.ceil(count / MOST_POINTS)
+    points = math.ceil(count / parts)
     length = (stretch.end - stretch.begin) / parts
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0

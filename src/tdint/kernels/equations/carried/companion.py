@@ -9,12 +9,12 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import (
     OWN,
-    REMEMBERING,
     Carried,
     add_loads,
     bubbles_of,
     correct,
     note_doubt,
+    of_slopes,
     of_story,
     same_slope,
     story_of,
@@ -24,7 +24,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end, raise_forces
 from tdint.kernels.equations.moment4 import ROW
-from tdint.kernels.laws.choosing import COUNTS_TURNS, CURVES
+from tdint.kernels.laws.choosing import ANY_APART, COUNTS_TURNS, CURVES
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stepping import Integrals
@@ -187,11 +187,10 @@ def _story_forces(carried):
             slope = springs[at.SLOPE, c]
             mean += springs[at.FORCE, c] - springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0 + even)
             moment += slope * (rise + odd)
-            if REMEMBERING:
-                more = slope - springs[at.SLOPE, i]
-                way = of_story(carried, ROW.RISE, i)
-                mean += more * (0.5 * way - of_story(carried, ROW.BEND, i) / 12.0)
-                moment += more * way
+            if ANY_APART:
+                more_mean, more_moment = of_slopes(carried, i)
+                mean += more_mean
+                moment += more_moment
         else:
             out = base + OWN.PATH
             run_mean, run_moment = _of_run(carried, i)

@@ -26,13 +26,12 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
 from tdint.kernels.equations.carried.rows import (
     OWN,
-    REMEMBERING,
     Carried,
     add_loads,
     bubbles_of,
     first_row,
     note_doubt,
-    of_story,
+    of_slopes,
     same_slope,
     story_of,
     surely_keeps,
@@ -41,7 +40,7 @@ from tdint.kernels.equations.carried.rows import (
 )
 from tdint.kernels.equations.carried.within import comes_near, look_within, passes, raise_end
 from tdint.kernels.equations.moment4 import ROW, solve
-from tdint.kernels.laws.choosing import BENDING, COUNTS_TURNS
+from tdint.kernels.laws.choosing import ANY_APART, BENDING, COUNTS_TURNS
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories import error_path
 from tdint.kernels.stories.branches import advance
@@ -140,11 +139,10 @@ def _calm_unbalanced(carried):
             mean = springs[at.FORCE, n + 1 + i] - springs[at.FORCE, i]
             mean += geometric * (u - link * u_below) + stiffness * bubble
             moment = stiffness * (odd - link * odd_below) - by_h * linear_terms[at.STORY_DAMPER, i] * bubble
-            if REMEMBERING:
-                more = springs[at.SLOPE, n + 1 + i] - springs[at.SLOPE, i]
-                way = of_story(carried, ROW.RISE, i)
-                mean += more * (0.5 * way - of_story(carried, ROW.BEND, i) / 12.0)
-                moment += more * way
+            if ANY_APART:
+                more_mean, more_moment = of_slopes(carried, i)
+                mean += more_mean
+                moment += more_moment
         if i > 0:
             speed = linear_terms[at.FLOOR_DAMPER, i - 1] * even_below
             speed -= linear_terms[at.MASS, i - 1] * state[at.ERROR_VELOCITY, i - 1]

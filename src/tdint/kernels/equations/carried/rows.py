@@ -8,14 +8,10 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.iteration import SAME_TANGENT
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
-from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.choosing import COMPILED, COUNTING_TURNS, COUNTS_TURNS
+from tdint.kernels.laws.choosing import ANY_APART, COUNTING_TURNS, COUNTS_TURNS
 from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_second, force_third
 from tdint.kernels.stepping import Array, Memory, Scene, Stretch
 from tdint.kernels.stories import error_path, path
-
-REMEMBERING = any(LAWS[code].apart for code in COMPILED)
-"""Whether the stiffness of a branch may hang on what the story has done before: laws that stand apart have such."""
 
 STATE_ROWS = 5  # of a drift and of its error
 NODES = 28  # at most, within a step at which it is looked closely: 10 events, and 3 pairs of parts beside theirs
@@ -145,9 +141,20 @@ def same_slope(carried, i):
     scene, memory, _, _, _ = carried
     springs = memory.springs
     slope, other = springs[at.SLOPE, i], springs[at.SLOPE, scene.linear_terms.shape[1] + i]
-    if REMEMBERING:
+    if ANY_APART:
         return abs(other - slope) <= SAME_TANGENT * scene.law_parameters[at.STIFFNESS, i]
     return slope == other
+
+
+@inlined
+def of_slopes(carried, i):
+    """Mean and moment of what the force of story `i` has more in the companion over the run's own way, where its branch
+    is stiffer there: `same_slope` allows for that."""
+    scene, memory, _, _, _ = carried
+    springs = memory.springs
+    more = springs[at.SLOPE, scene.linear_terms.shape[1] + i] - springs[at.SLOPE, i]
+    way = of_story(carried, ROW.RISE, i)
+    return more * (0.5 * way - of_story(carried, ROW.BEND, i) / 12.0), more * way
 
 
 @inlined
