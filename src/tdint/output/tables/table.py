@@ -231,10 +231,12 @@ PARQUET = ("a Parquet file", "parquet")
 
 
 def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Columns, arrays or lists of words, as Parquet, each with its meaning; UsageError without pyarrow."""
+    """Columns, arrays or lists, as Parquet, each with its meaning; UsageError without pyarrow."""
     pyarrow, writer = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-    words = pyarrow.string()
-    arrays = [pyarrow.array(cells, words if isinstance(cells, list) else None) for cells in columns.values()]
+    # Of a column of words in which nothing stands the kind would be none.
+    empty = [isinstance(cells, list) and all(cell is None for cell in cells) for cells in columns.values()]
+    kinds = [pyarrow.string() if is_empty else None for is_empty in empty]
+    arrays = [pyarrow.array(cells, kind) for cells, kind in zip(columns.values(), kinds, strict=True)]
     fields = [
         pyarrow.field(name, array.type, metadata=meanings.get(name, {}))
         for name, array in zip(columns, arrays, strict=True)
