@@ -1,13 +1,10 @@
 """Tables at a terminal: drawn for reading there, CSV everywhere else."""
 
 import math
-import os
-import subprocess
-import sys
-from contextlib import suppress
 
 import pytest
 
+from cli.conftest import at_a_terminal
 from tdint.output.tables.table import Table
 from tdint_cli.drawing import draw, table_bytes
 
@@ -70,20 +67,9 @@ def test_values_without_a_number_and_texts_that_could_command_a_terminal():
 
 
 def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
-    import pty
-
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-c", "from tdint_cli.main import main; main()", "modes", "forced.yaml"]
-    process = subprocess.Popen(command, stdout=theirs, stderr=theirs)
-    os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # The end of a terminal is an error on Linux.
-        while piece := os.read(ours, 65536):
-            shown += piece
-    os.close(ours)
-    assert process.wait(timeout=60.0) == 0
+    shown, code = at_a_terminal("modes forced.yaml")
     piped = tdint("modes", "forced.yaml").stdout
-    assert piped.startswith("mode,period_s,frequency_hz,")
+    assert code == 0 and piped.startswith("mode,period_s,frequency_hz,")
     assert b"," not in shown
     first = float(piped.splitlines()[1].split(",")[1])
     assert f"{first:.5g}" in shown.decode().split()

@@ -16,7 +16,7 @@ from ground_motion.files import counts, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.contents import read_contents
-from tdint.ground_motion.reading.read import read_record, read_records
+from tdint.ground_motion.reading.read import make_record, read_record, read_records
 
 
 def refused(path, message, **options):
@@ -133,21 +133,15 @@ class TestSamples:
     def test_masked(self, monkeypatch):
         masked = trace(wave())
         masked.data = np.ma.masked_greater(masked.data, 2.5)
-        from tdint.ground_motion.reading.read import group_channels, join
-
-        (channel,) = group_channels([masked])
         with pytest.raises(RecordError, match=r"samples? marked as missing"):
-            join(channel, "a")
+            make_record(masked)
 
     @pytest.mark.parametrize("delta", [0.0, np.inf, np.nan])
     def test_sampling_interval(self, delta):
-        from tdint.ground_motion.reading.read import group_channels, join
-
         odd = trace(wave())
         dict.__setitem__(odd.stats.__dict__, "delta", delta)
-        (channel,) = group_channels([odd])
         with pytest.raises(RecordError, match="sampling interval is"):
-            join(channel, "a")
+            make_record(odd)
 
     def test_time_beyond_the_calendar(self, tmp_path):
         data = bytearray(write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes())
