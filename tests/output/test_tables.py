@@ -58,20 +58,6 @@ def test_twelve_digits_survive(value):
     assert cell_text(float(text)) == text
 
 
-<<<<<<< HEAD
-def test_text_is_quoted_where_needed_and_is_utf8():
-    names = ["a,b", 'say "x"', "two\nlines", "Köln", "plain"]
-    data = Table(("name", "n"), [(name, 1) for name in names]).csv()
-    assert read(data) == [["name", "n"], *([name.replace("\n", r"\n"), "1"] for name in names)]
-    assert Table(("name", "n"), [("x", 1)]).csv() == b"name,n\nx,1\n"
-
-
-def test_a_file_name_that_is_not_utf8_is_written_out():
-    assert Table(("record",), [(b"\xff.mseed".decode("utf-8", "surrogateescape"),)]).csv() == b"record\n\\xff.mseed\n"
-
-
-=======
->>>>>>> main
 def test_story_table():
     nan = math.nan
     peaks = StoryPeaks(
@@ -205,7 +191,6 @@ def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
         assert cell_text(text) == cell
         table = Table((text, "b"), [(text, 1.0)])
         assert table.csv().decode() == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
-        assert table.csv(header=False).decode() == f"{cell_of(cell)},1\n"
 
 
 def cell_of(text):
