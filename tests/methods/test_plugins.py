@@ -22,8 +22,8 @@ import tdint
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
+from tdint.analysis.run import run as runs
 from tdint.analysis.run.prepared import of_everything
-from tdint.analysis.run.run import integrator_of
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
@@ -45,7 +45,7 @@ def forget():
         for name in list(known)[OURS:]:
             del known[name]
     del NUMBERED[OURS:]
-    for cached in (methods._known, methods.catalogue, definition.laws, integrator_of):
+    for cached in (methods._known, methods.catalogue, definition.laws, runs._parsed):
         cached.cache_clear()
     for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
         del sys.modules[name]
