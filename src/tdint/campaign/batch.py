@@ -16,15 +16,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors, demand_values
 from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import (
-    STORY,
-    Collapse,
-    ErrorEstimate,
-    FailedRun,
-    Response,
-    Shock,
-    StoryPeaks,
-)
+from tdint.analysis.run.outcome import STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of
@@ -163,10 +155,6 @@ class StoryRow(NamedTuple):
     values: tuple[float, ...]
     errors: tuple[float, ...] = ()
     corrected: tuple[float, ...] = ()
-
-    def of(self, name: str) -> float:
-        """The value of a quantity."""
-        return self.values[[quantity.name for quantity in STORY].index(name)]
 
 
 @dataclass
