@@ -7,7 +7,6 @@ import pytest
 
 import tdint
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.step_choice import choose_step, step_within
@@ -32,9 +31,6 @@ def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
     return batch.results(runs, largest)
 
 
-PEAK_DRIFT = [quantity.name for quantity in STORY].index("peak_drift")
-
-
 @pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.01), ("newmark-average", 0.0)])
 def test_drifts_of_all_runs_are_within_the_tolerance(method: str, beyond: float) -> None:
     """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own within the chosen
@@ -44,7 +40,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(method: str, beyond: float)
     assert step is not None
     assert step > beyond if beyond else step < 0.01
     coarse, fine = (
-        {(row.motion, row.scale, row.story): row.values[PEAK_DRIFT] for row in results(of, RUNS, largest).stories}
+        {(row.motion, row.scale, row.story): row.of("peak_drift") for row in results(of, RUNS, largest).stories}
         for of, largest in ((subject, step), (Subject(subject.model, "impulse4"), 0.01 / 16))
     )
     assert len(coarse) == 10 * len(RUNS)

@@ -156,6 +156,10 @@ class StoryRow(NamedTuple):
     errors: tuple[float, ...] = ()
     corrected: tuple[float, ...] = ()
 
+    def of(self, name: str) -> float:
+        """The value of a quantity."""
+        return self.values[[quantity.name for quantity in STORY].index(name)]
+
 
 @dataclass
 class Rows:
