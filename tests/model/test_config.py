@@ -131,24 +131,6 @@ def test_units(units: str, mass: float, stiffness: float) -> None:
     assert story.stiffness == pytest.approx(stiffness, rel=1e-14)
 
 
-def test_kip_and_inch_bilinear_story() -> None:
-    model = load(
-        "units: {length: in, force: kip, mass: kip*s^2/in}\n"
-        "stories: [{mass: 0.2, stiffness: 10, law: {type: bilinear, yield_force: 7, hardening: 0}, dashpot: 0.4}]\n"
-        "damping: {rayleigh: {mass: 0.3, stiffness: 0.002}}\n"
-        "excitation: {forces: [{floor: 1, amplitude: 2, omega: 3}]}\n"
-        "initial: {velocity: [5]}\n"
-    )
-    kip = 4448.2216152605
-    (story,) = model.stories
-    assert story.law.parameters == pytest.approx((7 * kip, 0.0))
-    assert story.dashpot == pytest.approx(0.4 * kip / 0.0254)
-    assert model.damping == RayleighCoefficients(0.3, 0.002)
-    assert model.excitation.forces[0].cosine == pytest.approx(2 * kip)
-    assert model.excitation.forces[0].omega == 3.0
-    assert model.initial.velocity == pytest.approx((0.127,))
-
-
 @pytest.mark.parametrize(
     ("damping", "expected"),
     [
