@@ -92,6 +92,13 @@ def test_the_folder_of_all_files_stands_above_once():
     assert "in " not in draw(("record", "pga"), apart, 40)
 
 
+def test_a_few_rows_drawn_as_columns_keep_the_folder():
+    names = ("record", *(f"measure_{i}_m_s2" for i in range(8)))
+    text = draw(names, [(f"motions/{file}.at2", *range(8)) for file in "ab"], 40)
+    assert text.splitlines()[0] == "record: in motions/"
+    assert text.splitlines()[1].split() == ["record", "a.at2", "b.at2"]
+
+
 def test_errors_stand_in_percent_beside_what_they_are_errors_of():
     columns = ("story", "drift_m", "shear_N", "drift_m_error", "shear_N_error", "energy_error")
     rows = [(1, 0.2, -50.0, 0.001, 0.5, 1e-9), (2, 0.0, 40.0, 0.001, math.nan, 1e-9)]

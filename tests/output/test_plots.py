@@ -38,8 +38,8 @@ def draw_run(response, file):
     write_file(file, picture(file.suffix, lambda: run_picture(response)), overwrite=False)
 
 
-def draw_spectra(spectra, file, axes="periods", *, overwrite=False):
-    write_file(file, picture(file.suffix, lambda: spectrum_picture(spectra, axes)), overwrite=overwrite)
+def draw_spectra(spectra, file, axes="periods"):
+    write_file(file, picture(file.suffix, lambda: spectrum_picture(spectra, axes)), overwrite=False)
 
 
 def words(figure):
@@ -145,14 +145,14 @@ def test_a_title_is_no_wider_than_its_figure():
 
 
 @pytest.mark.parametrize("suffix", STARTS)
-def test_formats(tmp_path, forced, suffix):
+def test_formats(tmp_path, suffix):
     """Each as it begins; the same result gives the same file; none is replaced without leave."""
     file, again = tmp_path / f"x{suffix}", tmp_path / f"again{suffix}"
-    draw_run(forced, file)
-    with pytest.raises(OutputError, match="exists already"):
-        draw_run(forced, file)
+    spectra = [spectrum(motion(), np.array([0.1, 1.0]))]
     for name in (file, again):
-        draw_spectra([spectrum(motion(), np.array([0.1, 1.0]))], name, overwrite=True)
+        draw_spectra(spectra, name)
+        with pytest.raises(OutputError, match="exists already"):
+            draw_spectra(spectra, name)
     assert file.read_bytes().startswith(STARTS[suffix])
     assert file.read_bytes() == again.read_bytes()
     assert sorted(tmp_path.iterdir()) == sorted([file, again])
@@ -169,12 +169,12 @@ def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
     assert len(labels) == 3 and "story shear" in labels[2]
 
 
-@pytest.mark.parametrize("name", ["a $x_ building", "_hidden", "建物", "x" * 300, "two\nlines"])
+@pytest.mark.parametrize("name", ["_a $x_ building", "建物", "two\nlines" + "x" * 300])
 def test_any_name_is_drawn_as_it_is(tmp_path, forced, name):
     draw_run(replace(forced, model=replace(forced.model, name=name)), tmp_path / "run.svg")
     spectra = [spectrum(motion(c, f"{name[:100]}.mseed"), np.geomspace(0.1, 1.0, 9)) for c in ("_E", "$N")]
     draw_spectra(spectra, tmp_path / "spectrum.svg")
-    if name != "two\nlines" and len(name) < 100:
+    if len(name) < 100:
         assert name in (tmp_path / "run.svg").read_text(encoding="utf-8")
     assert "_E" in (tmp_path / "spectrum.svg").read_text(encoding="utf-8")
 
@@ -190,8 +190,8 @@ def test_what_rests_is_drawn(tmp_path):
     still = replace(motion(), acceleration=np.zeros(50))
     draw_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.svg")
     assert "roof displacement" in (tmp_path / "x.svg").read_text(encoding="utf-8")
-    for axes in ("periods", "tripartite", "adrs"):
-        draw_spectra([spectrum(still, np.array([0.5, 1.0]))], tmp_path / f"{axes}.svg", axes)
+    for axes, periods in (("periods", [1.0]), ("tripartite", [0.5, 1.0]), ("adrs", [0.5, 1.0])):
+        draw_spectra([spectrum(still, np.array(periods))], tmp_path / f"{axes}.svg", axes)
     assert "period (s)" in (tmp_path / "periods.svg").read_text(encoding="utf-8")
 
 
@@ -202,11 +202,11 @@ def test_a_processed_record_is_called_so():
 
 
 @pytest.mark.parametrize("axes", ["periods", "tripartite", "adrs"])
-@pytest.mark.parametrize("count", [2, 22])
+@pytest.mark.parametrize("count", [1, 2, 22])
 def test_axes_and_suites(tmp_path, axes, count):
     """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a logarithmic axis."""
     periods = np.array([0.0, *np.geomspace(0.05, 2.0, 9)])
-    motions = [motion(source=f"{i}.txt", size=50).scaled(1.0 + i) for i in range(count)]
+    motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(count)]
     spectra = [spectrum(record, periods, ratio) for record in motions for ratio in (0.02, 0.05)]
     draw_spectra(spectra, tmp_path / "x.svg", axes)
     text = (tmp_path / "x.svg").read_text(encoding="utf-8")

@@ -191,7 +191,6 @@ def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
         assert cell_text(text) == cell
         table = Table((text, "b"), [(text, 1.0)])
         assert table.csv().decode() == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
-        assert table.csv(header=False).decode() == f"{cell_of(cell)},1\n"
 
 
 def cell_of(text):
