@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign", "output")
 
 NAMED_MORE_OFTEN = {"modes.py"}
-SKIPS = 12
+SKIPS = 10
 LONG_SIGNATURES = {"analysis": 3, "campaign": 1, "output": 2, "cli": 2}  # output: `plot`, declared twice
 
 
@@ -187,12 +187,12 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 
 BUDGET = {
-    "cli": (44, 6500),
+    "cli": (44, 6450),
     "output": (24, 6250),
-    "campaign": (25, 6100),
-    "analysis": (40, 7500),
+    "campaign": (25, 6050),
+    "analysis": (40, 7450),
     "methods": (13, 1750),
-    "model": (21, 3600),
+    "model": (21, 3550),
     "ground_motion": (36, 4300),
     "kernels": (62, 8240),
     "ground": (11, 1550),

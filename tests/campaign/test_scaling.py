@@ -236,7 +236,7 @@ def test_targets_that_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("period_s,sa\n1,2\n", "1: no column sa_g or sa_m_s2"),
+        ("T (s),Sa\n1,2\n", "1: no column sa_g or sa_m_s2"),
         ("sa_g\n1\n", "1: no column period_s"),
         ("period_s,sa_g,psa_g\n1,2,x\n2,1,1\n", "2: psa_g must be a positive number, got 'x'"),
         ("period_s,sa_g,sa_m_s2\n1,2,3\n", "several spectra, sa_g, sa_m_s2"),

@@ -14,14 +14,14 @@ from tdint.campaign.batch import Batch, Rows, Run, RunSettings, building_step
 from tdint.ground_motion.record import Record
 
 
-def first_part(name: str, component: str, samples: int = 1500) -> Record:
-    """The first 15 s of a shipped record, its strongest ones."""
+def first_part(name: str, component: str, samples: int = 1601) -> Record:
+    """The first 16 s of a shipped record, its strongest ones: whole steps of all lengths that are tried."""
     record = tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
     return replace(record, acceleration=record.acceleration[:samples].copy())
 
 
 SHIPPED = [first_part(name, component) for name in ("firm-soil", "near-fault") for component in ("HN1", "HN2")]
-FINE = replace(first_part("firm-soil", "HN1", 2000), dt=0.004)
+FINE = replace(first_part("firm-soil", "HN1", 2001), dt=0.004)
 RECORDS = dict(enumerate([*SHIPPED, FINE]))
 RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
 

@@ -131,24 +131,6 @@ def test_units(units: str, mass: float, stiffness: float) -> None:
     assert story.stiffness == pytest.approx(stiffness, rel=1e-14)
 
 
-def test_kip_and_inch_bilinear_story() -> None:
-    model = load(
-        "units: {length: in, force: kip, mass: kip*s^2/in}\n"
-        "stories: [{mass: 0.2, stiffness: 10, law: {type: bilinear, yield_force: 7, hardening: 0}, dashpot: 0.4}]\n"
-        "damping: {rayleigh: {mass: 0.3, stiffness: 0.002}}\n"
-        "excitation: {forces: [{floor: 1, amplitude: 2, omega: 3}]}\n"
-        "initial: {velocity: [5]}\n"
-    )
-    kip = 4448.2216152605
-    (story,) = model.stories
-    assert story.law.parameters == pytest.approx((7 * kip, 0.0))
-    assert story.dashpot == pytest.approx(0.4 * kip / 0.0254)
-    assert model.damping == RayleighCoefficients(0.3, 0.002)
-    assert model.excitation.forces[0].cosine == pytest.approx(2 * kip)
-    assert model.excitation.forces[0].omega == 3.0
-    assert model.initial.velocity == pytest.approx((0.127,))
-
-
 @pytest.mark.parametrize(
     ("damping", "expected"),
     [
@@ -284,15 +266,6 @@ def test_yield_forces_of_the_bilinear_example() -> None:
     base = 0.15 * 10 * 2e5 * 9.81
     expected = [base * sum(range(i, 11)) / 55 for i in range(1, 11)]
     assert [story.law.parameters[0] for story in model.stories] == pytest.approx(expected, rel=1e-15)
-
-
-def test_paper_examples() -> None:
-    model = load_model(CONFIGS / "sdof-polynomial.yaml")
-    assert model.stories == (Story(10.0, None, 200.0, Law("polynomial", (200.0, 3.0)), 5.0),)
-    assert model.excitation.forces == (Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0))
-    chain = load_model(CONFIGS / "chain-150.yaml")
-    assert chain.stories == (Story(50.0, None, 500.0, Law("polynomial", (500.0, 0.2)), 10.0),) * 150
-    assert [force.floor for force in chain.excitation.forces] == [1, 1, 150, 150]
 
 
 def test_imports_nothing_heavy() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from json_schema import tree
 from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
@@ -90,27 +91,10 @@ def test_output_units() -> None:
     assert load(f"{THREE}output_units: [kip, in, g]").output_units == us
 
 
-def plain(text: str) -> object:
-    """The content of a file as Python has it, every word that is a number as one."""
-    import yaml
-
-    def converted(value: object) -> object:
-        if isinstance(value, dict):
-            return {key: converted(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return tuple(map(converted, value))  # lists of YAML may be any sequence here
-        try:
-            return float(value) if isinstance(value, str) else value  # 2e8 is a text in YAML 1.1
-        except ValueError:
-            return value
-
-    return converted(yaml.safe_load(text))
-
-
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(path.parent)
-    file, mapping = load_model(path.name), load_model(plain(path.read_text()))  # type: ignore[arg-type]
+    file, mapping = load_model(path.name), load_model(tree(path.read_text()))  # type: ignore[arg-type]
     assert path.read_text().startswith("# ")
     assert file.excitation.record or file.excitation.forces or any(file.initial.displacement)
     assert mapping.source == "model" and mapping.text != file.text
@@ -119,7 +103,8 @@ def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.Monke
 
 
 def test_numbers_of_numpy() -> None:
-    stories = [{"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0])]
+    """And sequences of other kinds than lists."""
+    stories = tuple({"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0]))
     model = load_model({"stories": stories, "initial": {"velocity": np.ones(2)}, "p_delta": np.False_})
     assert [story.stiffness for story in model.stories] == [3.0, 4.0]
     assert model.initial.velocity == (1.0, 1.0)
