@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from random_buildings import piecewise_building
-from tdint import run
+from step_checks import at_samples
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 
@@ -43,7 +43,7 @@ class Found:
     def growth(self):
         """By how much a small change of the motion is enlarged."""
         changed = replace(self.motion, acceleration=self.motion.acceleration * (1.0 + _CHANGE))
-        other = displacement(self.building, changed, _FINE[0])
+        _, other = at_samples(self.building, changed, "impulse4", _FINE[0])
         return np.max(np.abs(other - self.exact)) / np.max(np.abs(self.exact)) / _CHANGE
 
     @property
@@ -52,17 +52,12 @@ class Found:
         return self.growth > 1e4
 
 
-def displacement(building, record, parts):
-    """The motion at the samples, by impulse4 with so many steps between two of them."""
-    response = run(building, record, method="impulse4", dt=record.dt / parts, history=True)
-    return response.history.displacement[::parts]
-
-
 def study(seed):
     """March one random building with all steps."""
     building, motion = piecewise_building(np.random.default_rng(seed))
-    exact, other = (displacement(building, motion, parts) for parts in _FINE)
+    (_, exact), (_, other) = (at_samples(building, motion, "impulse4", parts) for parts in _FINE)
     size = np.max(np.abs(exact))
-    errors = [np.max(np.abs(displacement(building, motion, parts) - exact)) / size for parts in PARTS]
+    marched = (at_samples(building, motion, "impulse4", parts)[1] for parts in PARTS)
+    errors = [np.max(np.abs(displacement - exact)) / size for displacement in marched]
     levels = np.maximum([*errors, np.max(np.abs(other - exact)) / size], _ROUNDING)
     return Found(building, motion, exact, errors, float(np.max(levels[1:] / levels[:-1])))

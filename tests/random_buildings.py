@@ -57,7 +57,8 @@ def random_building(rng, laws):
     return built, 2.0 * np.pi / assemble(built).modes().omega[0]
 
 
-def _imk(rng, strength, drift):
+def _imk(rng, k, strength):
+    drift = strength / k
     hardening = (drift * rng.uniform(2.0, 6.0), drift * rng.uniform(10.0, 30.0), rng.uniform(1.0, 1.3))
     side = (strength, *hardening, rng.uniform(0.0, 0.4), 100.0 * drift, 1.0)
     pinching = rng.uniform(0.2, 0.8, 2) if rng.random() < 0.5 else (1.0, 1.0)
@@ -65,68 +66,68 @@ def _imk(rng, strength, drift):
     return Law("imk", (*side, *side, *4 * [capacity], 1.0, *pinching))
 
 
-def _trilinear(rng, strength, drift):
-    ultimate = (strength * rng.uniform(1.0, 2.0), drift * rng.uniform(4.0, 12.0))
+def _trilinear(rng, k, strength):
+    ultimate = (strength * rng.uniform(1.0, 2.0), strength / k * rng.uniform(4.0, 12.0))
     return Law("trilinear-pinching", (strength, *ultimate, rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.4)))
 
 
 PIECEWISE = {
-    "bilinear": lambda rng, strength, drift: Law("bilinear", (strength, rng.uniform(0.0, 0.3))),
-    "peak-oriented": lambda rng, strength, drift: Law(
-        "peak-oriented", (strength, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.5))
-    ),
-    "gap": lambda rng, strength, drift: Law(
-        "gap", (drift * rng.uniform(0.5, 1.5), strength / drift * rng.uniform(1.0, 20.0))
-    ),
+    "bilinear": lambda rng, k, f: Law("bilinear", (f, rng.uniform(0.0, 0.3))),
+    "peak-oriented": lambda rng, k, f: Law("peak-oriented", (f, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.5))),
+    "gap": lambda rng, k, f: Law("gap", (f / k * rng.uniform(0.5, 1.5), f / (f / k) * rng.uniform(1.0, 20.0))),
     "trilinear-pinching": _trilinear,
     "imk": _imk,
 }
+SMOOTH = {
+    "linear": lambda rng, k, f: LINEAR,
+    "tanh": lambda rng, k, f: Law("tanh", (1.5 * f,)),
+    "polynomial": lambda rng, k, f: Law("polynomial", (k, 0.0, rng.uniform(0.05, 0.5) * k * (k / f) ** 2)),
+    "bouc-wen": lambda rng, k, f: Law("bouc-wen", (f, rng.uniform(0.02, 0.2), 2.0, 0.5)),
+}
+"""Of a story of stiffness k and about the strength f."""
 
 
-def piecewise_building(rng):
+def _frame(rng, n):
+    """Masses and springs of n stories with a period as frames have it."""
+    period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
+    masses = 1e5 * rng.uniform(0.7, 1.4, n)
+    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
+    return masses, springs * rng.uniform(0.8, 1.2, n)
+
+
+def _shaken(rng, masses, springs, strengths, laws, samples):
+    """Stories of laws drawn from `laws`, and a motion."""
+    names = rng.choice(list(laws), len(springs))
+    stories = [
+        story(m, k, laws[name](rng, k, f), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
+        for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
+    ]
+    motion = noise(samples=samples, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
+    return model(stories), motion
+
+
+def piecewise_building(rng, samples=601):
     """A building of one to seven stories of laws drawn from `PIECEWISE`, a third of them isolated, with P-delta in two
     of five, and a motion that takes it far beyond the drifts at which they bend."""
     n = int(rng.integers(1, 7))
     isolated = rng.random() < 0.35
-    period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
-    masses = 1e5 * rng.uniform(0.7, 1.4, n)
-    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
-    springs *= rng.uniform(0.8, 1.2, n)
+    masses, springs = _frame(rng, n)
     above = np.cumsum(masses[::-1])[::-1]
     strengths = rng.uniform(0.08, 0.3) * 9.81 * above * rng.uniform(0.8, 1.2, n)
     if isolated:
         masses = np.append(1e5, masses)
         springs = np.append((2.0 * np.pi / rng.uniform(0.8, 1.5)) ** 2 * masses.sum(), 5.0 * springs)
         strengths = np.append(rng.uniform(0.03, 0.08) * 9.81 * masses.sum(), 3.0 * strengths)
-    names = rng.choice(list(PIECEWISE), len(springs))
-    stories = [
-        story(m, k, PIECEWISE[name](rng, f, f / k), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
-        for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
-    ]
-    motion = noise(samples=601, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
-    return model(stories, p_delta=bool(rng.random() < 0.4)), motion
+    built, motion = _shaken(rng, masses, springs, strengths, PIECEWISE, samples)
+    return replace(built, p_delta=bool(rng.random() < 0.4)), motion
 
 
-def shaken_building(rng, laws=("linear", "tanh", "polynomial", "bouc-wen"), samples=601):
+def shaken_building(rng, laws=tuple(SMOOTH), samples=601):
     """A building of one to six stories of smooth laws, and a motion that takes it beyond where they bend."""
     n = int(rng.integers(1, 7))
-    period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
-    masses = 1e5 * rng.uniform(0.7, 1.4, n)
-    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
-    springs *= rng.uniform(0.8, 1.2, n)
+    masses, springs = _frame(rng, n)
     strengths = rng.uniform(0.08, 0.3) * 9.81 * np.cumsum(masses[::-1])[::-1]
-    smooth = {
-        "linear": lambda k, f: Law("linear", ()),
-        "tanh": lambda k, f: Law("tanh", (1.5 * f,)),
-        "polynomial": lambda k, f: Law("polynomial", (k, 0.0, rng.uniform(0.05, 0.5) * k * (k / f) ** 2)),
-        "bouc-wen": lambda k, f: Law("bouc-wen", (f, rng.uniform(0.02, 0.2), 2.0, 0.5)),
-    }
-    names = rng.choice(list(laws), n)
-    stories = [
-        story(m, k, smooth[name](k, f), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
-        for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
-    ]
-    return model(stories), noise(samples=samples, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
+    return _shaken(rng, masses, springs, strengths, {name: SMOOTH[name] for name in laws}, samples)
 
 
 METHODS = ("impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park", "wilson")

@@ -67,6 +67,20 @@ def superposed(method, model, ratio, record):
     return total
 
 
+def at_samples(building, record, method, parts):
+    """A run with so many steps between two samples, and its displacements at the samples."""
+    response = run(building, record, method=method, dt=record.dt / parts, history=True)
+    return response, response.history.displacement[::parts]
+
+
+def refined(building, record, parts, method="impulse4", size=lambda u: np.max(np.abs(u))):
+    """Runs with more and more steps between two samples, the displacements of the last one at the samples, and how far
+    those of the others are off these, over their size."""
+    runs, displacements = zip(*(at_samples(building, record, method, part) for part in parts), strict=True)
+    finest = displacements[-1]
+    return runs, finest, [size(coarse - finest) / size(finest) for coarse in displacements[:-1]]
+
+
 TOO_LARGE = -400.0
 """Ground acceleration that softening `SingleSteps` cannot bear at the end of a step, m/s^2."""
 

@@ -140,9 +140,9 @@ def test_cells_out_of_all_proportion(tmp_path, reader, cell):
 @pytest.mark.parametrize(
     ("point", "motions", "error", "message"),
     [
-        ("site.csv,-122,95", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be from -90 to 90 degrees"),
-        ("site.csv,37,-122", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be .*, got '-122'"),
-        ("site.csv,400,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude must be from -360 to 360 degrees"),
+        ("site.csv,-122,90.5", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be from -90 to 90 degrees"),
+        ("site.csv,37,-90.5", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be .*, got '-90.5'"),
+        ("site.csv,361,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude must be from -360 to 360 degrees"),
         ("site.csv,,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude is missing"),
         (",-122,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: GP_file is missing"),
         ("site.csv,-122,37", "TH_file,factor\n,2\n", ModelError, r"site\.csv:2: TH_file is missing"),

@@ -97,6 +97,7 @@ def draw(
     # Said once, above: the text of all rows, but in the last column; the folder with its / that all files lie in.
     common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
     above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
+    folders = ""
     shown = [i for i in filled if i not in common]
     for i in shown:
         if i in numeric or columns[i] in _NO_FILES or len(cells) < 2:
@@ -106,7 +107,7 @@ def draw(
             (k for k, (letter, other) in enumerate(zip(first, last, strict=False)) if letter != other), len(first)
         )
         if folder := first[: first.rfind(_FOLDER, 0, same) + 1]:
-            above += f"{columns[i]}: in {folder}\n"
+            folders += f"{columns[i]}: in {folder}\n"
             for row in cells:
                 row[i] = row[i].removeprefix(folder)
     units = units or {}
@@ -120,7 +121,7 @@ def draw(
         longest = max(len(columns[i]) for i in filled)
         room = max(8, (width - longest) // len(cells) - len(_GAP))  # for three letters and the dots of a cut
         wides = [min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells]
-        text = ""
+        text = folders
         for i in filled:
             values = [
                 _shortened(row[i], wide).ljust(wide) if wide else row[i] for row, wide in zip(cells, wides, strict=True)
@@ -129,7 +130,7 @@ def draw(
         return text
     texts = [i not in numeric for i in shown]
     errors = {place for place, i in enumerate(shown) if columns[i] == _ERROR}
-    return above + _side_by_side(drawn, texts, errors, width)
+    return above + folders + _side_by_side(drawn, texts, errors, width)
 
 
 def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:

@@ -19,8 +19,8 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, write_options
-from tdint_cli.terminal import Settings, emit, end_in_time, exit_code_of
+from tdint_cli.options.grammar import HelpAsData, general, shown_when_asked, write_options
+from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
 GROUPS = {
     "Buildings": {
@@ -142,12 +142,10 @@ def _lasting(arguments: Sequence[str]) -> tuple[str, ...]:
     return tuple(result)
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
-    if is_asked and not ctx.resilient_parsing:
-        from tdint.system import __version__
+def _version(_: click.Context) -> str:
+    from tdint.system import __version__
 
-        emit(f"tdint {__version__}\n".encode())
-        ctx.exit()
+    return f"tdint {__version__}"
 
 
 @click.group(
@@ -160,7 +158,7 @@ def _show_version(ctx: click.Context, _: click.Parameter, is_asked: bool) -> Non
     is_flag=True,
     is_eager=True,
     expose_value=False,
-    callback=_show_version,
+    callback=shown_when_asked(_version),
     help="Show the version and exit.",
 )
 def cli() -> None:

@@ -169,6 +169,7 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
     if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
         yield lambda label, part: None
         return
+    # Who works tells which part of the whole is done, from 0 to 1: the bar counts thousandths of it.
     with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
 
         def tell(label: str, part: float) -> None:

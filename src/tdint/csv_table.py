@@ -183,18 +183,9 @@ def read_table(
     TdintError
         Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
     """
-    lines = _lines(source, _text(source, needs, error), error)
-    while comment and lines and lines[0][1][0].lstrip().startswith(comment):
-        del lines[0]
-    if not lines:
-        raise error(f"{source}: is empty; {needs}")
-    (header_line, header), *rows = lines
-    titles = tuple(cell.strip() for cell in header)
-    names = tuple(title.lower() for title in titles)
-    for name in names if columns is None else columns:
-        if name and names.count(name.lower()) > 1:
-            raise error(f"{source}:{header_line}: the column {name} is there twice")
-    return CsvTable(source, names, titles, header_line, tuple(rows), needs, error)
+    lines = iter(_lines(source, _text(source, needs, error), error))
+    table = _headed(source, needs, lines, columns, comment, error)
+    return replace(table, rows=tuple(lines))
 
 
 def stream_table(
@@ -208,6 +199,18 @@ def stream_table(
         return replace(whole, rows=()), iter(whole.rows)
     note_input(source, lambda: _digest(source))
     rows = _streamed(source, error)
+    return _headed(source, needs, rows, columns, comment, error), rows
+
+
+def _headed(
+    source: str,
+    needs: str,
+    rows: Iterator[tuple[int, list[str]]],
+    columns: Collection[str] | None,
+    comment: str,
+    error: type[TdintError],
+) -> CsvTable:
+    """The table without its rows, of which the header and what stands above it are taken."""
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
@@ -215,10 +218,10 @@ def stream_table(
         raise error(f"{source}: is empty; {needs}")
     titles = tuple(cell.strip() for cell in header)
     names = tuple(title.lower() for title in titles)
-    for name in columns:
+    for name in names if columns is None else columns:
         if name and names.count(name.lower()) > 1:
             raise error(f"{source}:{header_line}: the column {name} is there twice")
-    return CsvTable(source, names, titles, header_line, (), needs, error), rows
+    return CsvTable(source, names, titles, header_line, (), needs, error)
 
 
 def _digest(source: str) -> str:

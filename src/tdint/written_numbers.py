@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,12 @@ def how_many(count: int, thing: str) -> str:
     """A number of things: 1 run, 2 runs, 3 stories."""
     several = f"{thing[:-1]}ies" if thing.endswith("y") else f"{thing}s"
     return f"{count} {thing if count == 1 else several}"
+
+
+def first_few(names: Sequence[str], most: int) -> str:
+    """Names with commas between them: of many the first ones, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:

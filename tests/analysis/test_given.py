@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.errors import ModelError, RecordError, UsageError
+from tdint.errors import RecordError, UsageError
 
 MODEL = "configs/ten-story.yaml"
 SAMPLES = np.sin(np.arange(300) * 0.1)
@@ -46,7 +46,7 @@ def test_texts_that_mean_numbers() -> None:
     model = tdint.load_model(MODEL)
     assert tdint.run(model, record(), tolerance="1%").dt == tdint.run(model, record(), tolerance=0.01).dt
     assert tdint.spectrum(record(), np.array([1.0]), "5%").damping == 0.05  # type: ignore[arg-type]
-    assert tdint.pushover(model, 0.02).drift.tolist() == tdint.pushover(model, "2%").drift.tolist()
+    assert np.array_equal(*(tdint.pushover(model, size, points=9).drift for size in (0.02, "2%")))
     halves = [tdint.cyclic_test(model, 1, [given], points=9).path.drift for given in (0.02, "2%")]
     assert np.array_equal(*halves)
     assert model.replace(damping="2%") == model.replace(damping=0.02)
@@ -58,7 +58,6 @@ def test_texts_that_mean_numbers() -> None:
 WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
     (RecordError, lambda model: tdint.run(model, SAMPLES)),
     (RecordError, lambda model: tdint.run(model, "nowhere")),
-    (ModelError, lambda model: tdint.run(None, record())),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.run(model, record(), tolerance="little")),
     (UsageError, lambda model: tdint.run(model, record(), dt="x")),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.run(model, record(), duration=[1])),  # type: ignore[arg-type]
@@ -71,10 +70,6 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
     (RecordError, lambda model: tdint.drift_spectrum(SAMPLES, np.array([1.0]))),  # type: ignore[arg-type]
     (RecordError, lambda model: tdint.constant_ductility(SAMPLES, np.array([1.0]), [2.0])),  # type: ignore[arg-type]
     (RecordError, lambda model: tdint.make_record(SAMPLES, dt=1e300, units="g")),
-    (RecordError, lambda model: tdint.read_record(5)),  # type: ignore[arg-type]
-    (ModelError, lambda model: tdint.modes(None)),  # type: ignore[arg-type]
-    (ModelError, lambda model: tdint.pushover(5, "2%")),  # type: ignore[arg-type]
-    (ModelError, lambda model: tdint.cyclic_test(None, 1, ["1%"])),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.pushover(model, 2)),
     (UsageError, lambda model: tdint.pushover(model, None)),  # type: ignore[arg-type]
     (UsageError, lambda model: model.replace(damping=None)),

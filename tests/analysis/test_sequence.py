@@ -43,13 +43,6 @@ def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
     assert [one.start for one in found.shocks] == pytest.approx([0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0])
 
 
-@pytest.mark.parametrize(("dt", "stride"), [(None, 1), (0.03, 3)])
-def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
-    """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
-    found = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
-    assert found.starts == (0, 700 + -700 % stride)
-
-
 def test_peaks_over_all_are_the_largest_of_the_shocks():
     found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
     for name in NAMES:
@@ -65,18 +58,6 @@ def test_the_first_shock_is_the_run_of_its_record_until_rest():
     assert second.start == pytest.approx(alone.rest_time + 0.01)
     for name in (*NAMES, "residual_drift"):
         assert np.array_equal(getattr(first.stories, name), getattr(alone.stories, name), equal_nan=True), name
-
-
-def test_the_second_shock_finds_what_the_first_has_left():
-    intact = tdint.run(ten_bilinear(), AFTER, method="impulse4").stories
-    first, second = run_sequence(case(), [MAIN, AFTER], until_rest=True).shocks
-    assert np.max(np.abs(first.stories.residual_drift)) > 1e-3
-    weak = np.max(np.abs(first.stories.residual_drift)) > np.abs(intact.residual_drift)
-    assert weak.any() and not np.allclose(second.stories.peak_drift, intact.peak_drift, rtol=0.01)
-    # A shock that is nothing finds the building as it was left.
-    *_, nothing = run_sequence(case(), [MAIN, AFTER.scaled(1e-6)], until_rest=True).shocks
-    left = np.abs(first.stories.residual_drift)
-    assert nothing.stories.peak_drift == pytest.approx(left, abs=1e-3 * np.max(first.stories.peak_drift))
 
 
 def test_each_shock_has_its_errors():
@@ -99,13 +80,13 @@ def test_shocks_of_several_sampling_intervals_keep_their_motions():
         sequence_of(case(), [MAIN, shock(3, 5.0, dt=0.015)])
 
 
-def test_a_shock_begins_with_a_step():
-    for dt in (0.04, 0.0025):
-        joined = sequence_of(case(), [MAIN, AFTER], rest=1.005, dt=dt)
-        assert joined.starts[1] % max(round(dt / 0.01), 1) == 0
-        assert joined.starts[1] >= MAIN.acceleration.size - 1 + 100.5
+@pytest.mark.parametrize(("dt", "stride"), [(None, 1), (0.04, 4), (0.0025, 1)])
+def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
+    """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
+    joined = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
+    assert joined.starts == (0, 700 + -700 % stride)
     alone = tdint.run(ten_bilinear(), one_after_another([MAIN, AFTER], joined.starts), method="impulse4", dt=dt)
-    found = run_sequence(case(), [MAIN, AFTER], rest=1.005, dt=dt)
+    found = run_sequence(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
     assert len(found.shocks) == 2
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from common import turned
 
 import tdint
 from tdint.analysis.run.case import Case
@@ -27,29 +28,15 @@ from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import open_store
 from tdint.ground_motion.reading.suites import suite_motions
-from tdint.ground_motion.record import Record
 
 SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())
 SHELL_LOOP = 0.56  # s for a call of `tdint run` of version 0.1 on a quiet machine
 BAY_AREA = 1_840_000
 
 
-def versions() -> list[Record]:
-    """22 motions: the shipped ones, turned and shifted."""
-    generator, found = np.random.default_rng(0), []
-    for number in range(22):
-        both = tdint.read_horizontals(
-            f"records/{('firm-soil', 'near-fault', 'soft-soil')[number % 3]}.mseed", units="m/s^2"
-        )
-        angle, shift = generator.uniform(0.0, np.pi), int(generator.integers(0, 200))
-        turned = np.cos(angle) * both.first.acceleration + np.sin(angle) * both.second.acceleration
-        found.append(Record(np.roll(turned, shift), both.first.dt, "", "", f"V{number}", f"version-{number}"))
-    return found
-
-
 def study(method: str) -> None:
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), method)
-    records = versions()
+    records = turned(22)
     plan = Plan("study", given_buildings([subject]), suite_motions(records), EveryMotion(len(records)),
                 Scales(SCALES), RunSettings(dt=0.01))  # fmt: skip
     compile_for(plan)

@@ -27,6 +27,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from common import ROOT, least
 from matplotlib.figure import Figure
 
 from tdint import load_model, prepare, run
@@ -38,7 +39,6 @@ from tdint.output.figures.style import COLORS, MARKERS, add_legend, picture
 sys.path.append(str(Path(__file__).parents[1]))
 from random_buildings import any_building
 
-ROOT = Path(__file__).parents[2]
 NAMES = (
     "peak_drift",
     "peak_acceleration",
@@ -306,17 +306,6 @@ def marched(case, parts, carrying=False):
     return one.march(one.steps(case.record.dt / parts))
 
 
-def seconds(jobs, repeats):
-    """The least time of each job; they take turns."""
-    best = [np.inf] * len(jobs)
-    for _ in range(repeats):
-        for i, job in enumerate(jobs):
-            began = time.thread_time()
-            job()
-            best[i] = min(best[i], time.thread_time() - began)
-    return best
-
-
 def work(repeats, plot):
     panels = {}
     for name in ("ten-story", "ten-story-bilinear"):
@@ -328,7 +317,7 @@ def work(repeats, plot):
         panels[name] = gap, {line: [] for line in LINES}
         for parts in STEPS:
             jobs = [partial(told, *one, parts) for one in zip((case, case, case, other, other), HOW, strict=True)]
-            times = seconds(jobs, repeats)
+            times = least(jobs, repeats, time.thread_time)
             found = [(1e3 * times[i], job()) for i, job in enumerate(jobs)]
             found.insert(2, (found[1][0], found[1][1].check.corrected))
             for line, (ms, response) in zip(LINES, found, strict=True):

@@ -8,19 +8,17 @@ How many are beyond their tolerance says `carried_error.py tolerance`.
 """
 
 import argparse
-import sys
+import time
 import warnings
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from common import ROOT, least
 
 from tdint import load_model, prepare, run_case
 from tdint.errors import TdintError
 from tdint.ground_motion.reading.read import read_records
-
-sys.path.append(str(Path(__file__).parent))
-from carried_error import ROOT, seconds
 
 ERRORS = (1e-2, 1e-3, 1e-4)
 PARTS = (4, 2, 1, 0.5, 0.25, 0.125)
@@ -89,7 +87,7 @@ def gain(building, record, repeats):
     jobs = [partial(run_case, case, dt=record.dt / parts, check=None) for parts in PARTS]
     jobs += [partial(run_case, case, tolerance=tolerance) for tolerance in TOLERANCES]
     off = [float(np.max(np.abs(job().stories.peak_drift / truth - 1.0))) for job in jobs]
-    points = list(zip(np.maximum(off, 1e-12), seconds(jobs, repeats), strict=True))
+    points = list(zip(np.maximum(off, 1e-12), least(jobs, repeats, time.thread_time), strict=True))
     return at_errors(points[: len(PARTS)]) / at_errors(points[len(PARTS) :])
 
 

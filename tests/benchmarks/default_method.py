@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1]))
+from common import ROOT, components
+
 from building_cases import LINEAR, Law, RayleighCoefficients, model, story
-from tdint import load_model, prepare, read_record
+from tdint import load_model, prepare
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import model_record
 from tdint.model.building import assemble
 
-ROOT = Path(__file__).parents[2]
 SCENES = ("ten-story", "hazus-c1", "ten-story-bilinear", "kaikoura-frame", "base-isolated", "three-story-concrete")
 LIMITS = (1e-2, 1e-3, 1e-4)
 PARTS = (1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16, 32)
@@ -45,10 +46,7 @@ def shipped():
 def drawn(count):
     """Buildings of 2 to 15 stories, T1 of 0.05 to 0.16 s a story, 2 to 5 % damping, a third linear, under parts of the
     records; the others yield at 0.1 to 0.4 g."""
-    records = []
-    for name in ("firm-soil", "near-fault", "soft-soil"):
-        for component in ("HN1", "HN2"):
-            records.append(read_record(ROOT / "records" / f"{name}.mseed", component=component, units="m/s^2"))
+    records = components()
     for seed in range(count):
         rng = np.random.default_rng(seed)
         n = int(rng.integers(2, 16))

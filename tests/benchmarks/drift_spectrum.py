@@ -4,24 +4,17 @@
 """
 
 import time
-from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
+from common import ROOT, finer, least
 
 from tdint import read_record
 from tdint.analysis.spectra.drift import drift_spectrum
 from tdint.written_numbers import parse_grid
 
 REPEATS = 5
-RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
-
-
-def finer(record, parts):
-    """The same motion with samples on the lines between."""
-    samples = record.acceleration.size
-    times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
+RECORD = ROOT / "records" / "firm-soil.mseed"
 
 
 def main():
@@ -37,11 +30,7 @@ def main():
         ("100 stories", {"stories": 100}),
         ("beam", {"beam": True}),
     ):
-        fastest = np.inf
-        for _ in range(REPEATS):
-            begin = time.perf_counter()
-            drift_spectrum(record, periods, **kind)
-            fastest = min(fastest, time.perf_counter() - begin)
+        (fastest,) = least([partial(drift_spectrum, record, periods, **kind)], REPEATS, time.perf_counter)
         coarse, fine = drift_spectrum(record, some, **kind), drift_spectrum(finer(record, 16), some, **kind)
         error = np.max(np.abs(coarse.peak_drift_ratio / fine.peak_drift_ratio - 1.0))
         print(f"{name:20s} {fastest * 1e3:8.1f} ms   error {error:.1e}")

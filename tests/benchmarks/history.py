@@ -4,27 +4,22 @@ thinned; and the memory that it takes beside the table: python tests/benchmarks/
 import gzip
 import io
 import sys
-import time
 import tracemalloc
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from common import ROOT, least
 
 from tdint import load_model, run
 from tdint.output.tables.buildings import history_columns, write_history
 
-MODEL = Path(__file__).parents[2] / "configs" / "ten-story.yaml"
+MODEL = ROOT / "configs" / "ten-story.yaml"
 
 
 def fastest(work):
-    """The least CPU time of five, s."""
-    seconds = []
-    for _ in range(5):
-        begin = time.process_time()
-        work()
-        seconds.append(time.process_time() - begin)
-    return min(seconds)
+    """The least processor time of five, s."""
+    return least([work], 5)[0]
 
 
 def packed(history, level):

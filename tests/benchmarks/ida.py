@@ -7,32 +7,15 @@ of a capacity, and how the runs ended.
 """
 
 import argparse
-import math
 import time
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
+from common import ROOT, turned
 
-from tdint import load_model, read_horizontals
+from tdint import load_model
 from tdint.campaign.ida import ida
 from tdint.files import write_file
-from tdint.ground_motion.record import Record
-
-ROOT = Path(__file__).parents[2]
-NAMES = ("firm-soil", "near-fault", "soft-soil")
-
-
-def motions(count):
-    """Components of the shipped records in many directions, each with another start and another strength."""
-    shipped = [read_horizontals(ROOT / "records" / f"{name}.mseed", units="m/s^2") for name in NAMES]
-    result = []
-    for i in range(count):
-        pair, angle = shipped[i % len(shipped)], math.radians(23.0 * i)
-        turned = math.cos(angle) * pair.first.acceleration + math.sin(angle) * pair.second.acceleration
-        shifted = np.concatenate([np.zeros(7 * i), turned]) * (0.7 + 0.03 * i)
-        result.append(Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}"))
-    return result
 
 
 def main():
@@ -41,7 +24,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
-    model, records = load_model(ROOT / "configs" / "collapse-prone-frame.yaml"), motions(given.records)
+    model, records = load_model(ROOT / "configs" / "collapse-prone-frame.yaml"), turned(given.records)
     ida(model, records[:1])  # loads what was compiled
     wall, processor = time.perf_counter(), time.process_time()
     study = ida(model, records, jobs=given.jobs)

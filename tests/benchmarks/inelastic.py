@@ -10,11 +10,11 @@ when all strengths above the one found are gone through in steps of 0.1 %?
 
 import math
 import time
-from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numba
 import numpy as np
+from common import ROOT, finer, least
 
 from tdint import read_record
 from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
@@ -23,7 +23,7 @@ from tdint.written_numbers import parse_grid
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]
-RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
+RECORD = ROOT / "records" / "firm-soil.mseed"
 
 
 @numba.njit(error_model="numpy")
@@ -72,13 +72,6 @@ def exact_search(record, periods):
     return np.array([s.yield_acceleration for s in constant_ductility(record, periods, DUCTILITIES)])
 
 
-def finer(record, parts):
-    """The same motion with samples on the lines between."""
-    samples = record.acceleration.size
-    times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
-
-
 def overlooked(record, periods, ductilities):
     """For each ductility and period how far the ductility of larger strengths exceeds it, nan if it does not."""
     excess = np.full((len(ductilities), periods.size), np.nan)
@@ -100,18 +93,14 @@ def main():
     reference = exact_search(finer(record, 8), periods)
     print(f"{record.acceleration.size} samples, {periods.size} periods, ductilities {DUCTILITIES}")
     searches = {"tdint": exact_search, "plain search": plain_search}
-    fastest = dict.fromkeys(searches, np.inf)
     for search in searches.values():
         search(record, periods[:1])
-    for _ in range(REPEATS):
-        for name, search in searches.items():
-            begin = time.perf_counter()
-            search(record, periods)
-            fastest[name] = min(fastest[name], time.perf_counter() - begin)
-    for name, search in searches.items():
+    works = [partial(search, record, periods) for search in searches.values()]
+    fastest = least(works, REPEATS, time.perf_counter)
+    for (name, search), seconds in zip(searches.items(), fastest, strict=True):
         errors = np.abs(search(record, periods) / reference - 1.0)
         print(
-            f"{name:14s} {fastest[name]:6.2f} s   largest error of a strength {errors.max():.1e}, "
+            f"{name:14s} {seconds:6.2f} s   largest error of a strength {errors.max():.1e}, "
             f"from 0.1 s on {errors[:, periods >= 0.1].max():.1e}, median {np.median(errors):.1e}"
         )
     records = [record for file in sorted(RECORD.parent.glob("*.mseed")) for record in read_records(file, units="m/s^2")]

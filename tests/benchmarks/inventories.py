@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from common import components
 
 import tdint
 from tdint.analysis.run.prepared import Motions
@@ -62,9 +63,7 @@ def _multilinear(text: str) -> str:
 
 def motions() -> Motions:
     """The horizontals of the shipped motions."""
-    files = (f"records/{name}.mseed" for name in ("firm-soil", "near-fault", "soft-soil"))
-    pairs = [tdint.read_horizontals(file, units="m/s^2") for file in files]
-    return Motions(dict(enumerate(record for pair in pairs for record in (pair.first, pair.second))))
+    return Motions(dict(enumerate(components())))
 
 
 def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> tuple[float, np.ndarray]:

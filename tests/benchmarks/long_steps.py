@@ -9,12 +9,15 @@ choose their steps: how many runs are beyond it). All if none is named.
 import sys
 import time
 from dataclasses import replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+from common import components, difference, finer, largest, least
+from moment4 import reference, table
 
-from tdint import load_model, read_record, run
-from tdint.analysis.run.outcome import FailedRun
+from tdint import load_model, run
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.run import Subject, model_record
 from tdint.analysis.run.workspace import choose_steps
@@ -31,40 +34,14 @@ REPEATS = 25
 PEAKS = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")
 
 
-def difference(u, exact):
-    """Relative L2 difference of two histories."""
-    rows = min(len(u), len(exact))
-    return np.linalg.norm(u[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
-
-
-def largest(values, exact):
-    """Largest relative error of some values."""
-    return np.max(np.abs(values / exact - 1.0))
-
-
 def motion():
     """The two ten-story buildings with all methods."""
     for name, building in MODELS.items():
-        dt = model_record(building).dt
-        truth = run(building, method="impulse4", dt=dt / 64, history=True)
-        other = run(building, method="gauss4", dt=dt / 64, history=True)
-        exact = truth.history.displacement[::64]
-        sure = difference(other.history.displacement[::64], exact)
+        truth, other = (reference(building, method, 64) for method in ("impulse4", "gauss4"))
+        sure = difference(other[0], truth[0])
         print(f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by {sure:.0e}")
-        print(f"{'':20s}" + "".join(f"{f'{k} samples':>18s}" for k in SAMPLES))
-        for method in catalogue():
-            if catalogue()[method].family.linear_only and name != "ten-story":
-                continue
-            cells = []
-            for k in SAMPLES:
-                try:
-                    response = run(building, method=method, dt=k * dt, history=True)
-                except FailedRun as failure:
-                    cells.append(failure.status)
-                    continue
-                error = difference(response.history.displacement, exact[::k])
-                cells.append(f"{error:.1e}/{largest(response.stories.peak_drift, truth.stories.peak_drift):.1e}")
-            print(f"{method:20s}" + "".join(f"{cell:>18s}" for cell in cells))
+        methods = [text for text, method in catalogue().items() if name == "ten-story" or not method.family.linear_only]
+        table(building, methods, truth, SAMPLES)
         print()
 
 
@@ -111,21 +88,24 @@ def _truth(building, record, parts=64):
     return _TRUTHS[key]
 
 
+def five_times(prepared, integrator, steps, ground):
+    """Five marches: one takes a millisecond, which clocks do not tell well."""
+    for _ in range(5):
+        prepared.march(integrator, steps, ground)
+
+
 def speed():
     """Processor time of the march."""
     print("processor time of a run over that at the record's own step, impulse4, and that, ms")
     for name, building in MODELS.items():
         record = model_record(building)
         prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
-        times = dict.fromkeys(SAMPLES, np.inf)
-        for _ in range(REPEATS):
-            for k in SAMPLES:
-                steps = choose_steps(k * record.dt, None, record.dt, record.duration)
-                begin = time.process_time()
-                for _ in range(5):
-                    prepared.march(integrator, steps, record.acceleration.copy())
-                times[k] = min(times[k], (time.process_time() - begin) / 5)
-        print(f"{name:20s}" + "".join(f"{times[k] / times[1]:8.3f}" for k in SAMPLES) + f"{1e3 * times[1]:10.3f}")
+        works = []
+        for k in SAMPLES:
+            steps = choose_steps(k * record.dt, None, record.dt, record.duration)
+            works.append(partial(five_times, prepared, integrator, steps, record.acceleration.copy()))
+        times = [seconds / 5 for seconds in least(works, REPEATS)]
+        print(f"{name:20s}" + "".join(f"{each / times[0]:8.3f}" for each in times) + f"{1e3 * times[0]:10.3f}")
 
 
 def rate():
@@ -135,19 +115,13 @@ def rate():
     )
     for name, building in MODELS.items():
         record = model_record(building)
-        samples = record.acceleration
-        finer = np.interp(np.arange(2 * len(samples) - 1) / 2.0, np.arange(len(samples)), samples)
-        motions = (record, replace(record, acceleration=finer, dt=record.dt / 2.0))
+        motions = (record, finer(record, 2))
         prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
-        times = np.full((2, len(SAMPLES)), np.inf)
-        for _ in range(REPEATS):
-            for i, j in np.ndindex(times.shape):
-                steps = choose_steps(SAMPLES[j] * record.dt, record.duration, motions[i].dt, record.duration)
-                ground = motions[i].acceleration.copy()
-                begin = time.process_time()
-                for _ in range(5):
-                    prepared.march(integrator, steps, ground)
-                times[i, j] = min(times[i, j], (time.process_time() - begin) / 5)
+        works = []
+        for motion_of, k in product(motions, SAMPLES):
+            steps = choose_steps(k * record.dt, record.duration, motion_of.dt, record.duration)
+            works.append(partial(five_times, prepared, integrator, steps, motion_of.acceleration.copy()))
+        times = np.reshape(least(works, REPEATS), (2, -1))
         far = 0.0
         for k in SAMPLES:
             both = [run(building, one, dt=k * record.dt, duration=record.duration, history=True) for one in motions]
@@ -161,12 +135,7 @@ def rate():
 def tolerance():
     """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with steps that are chosen
     under the strongest run without collapse alone, and under some that are spread."""
-    shipped = (
-        read_record(CONFIGS.parent / "records" / f"{name}.mseed", component=component, units="m/s^2")
-        for name in ("firm-soil", "near-fault", "soft-soil")
-        for component in ("HN1", "HN2")
-    )
-    records = dict(enumerate(shipped))
+    records = dict(enumerate(components()))
     motions = Motions(records)
     runs = [Run(motion_of, scale) for motion_of in records for scale in (0.25, 0.5, 1.0, 1.5)]
     ranked = sorted(runs, key=lambda one: -one.scale * records[one.motion].pga)

@@ -165,7 +165,7 @@ def law_marches(model, record):
     that locates no changes of branch."""
     marches = {}
     for name in LAWS:
-        building = with_law(model, name)
+        building = assemble(with_law(model, name))
         unbranched = Unbranched(**{field.name: getattr(building, field.name) for field in fields(building)})
         marches[name] = March(building, "newmark-average"), March(building, "impulse4"), March(unbranched, "impulse4")
     for _ in range(REPEATS):
@@ -178,7 +178,7 @@ def with_law(model, name, strength=1.0):
     """The building with all stories of one law, that many times as strong."""
     laws = (example(name, one.stiffness, strength * one.law.parameters[0]) for one in model.stories)
     stories = (replace(one, law=law) for one, law in zip(model.stories, laws, strict=True))
-    return assemble(replace(model, stories=tuple(stories)))
+    return replace(model, stories=tuple(stories))
 
 
 def guard(model, record):
@@ -189,7 +189,7 @@ def guard(model, record):
         families.setdefault(parse(text).family.name, text)
     methods = os.environ.get("TDINT_GUARD_METHODS", "").split(",")
     methods = [text for text in methods if text] or [t for t in families.values() if not parse(t).family.linear_only]
-    buildings = {name: with_law(model, name, TOO_STRONG) for name in ("bilinear", *names)}
+    buildings = {name: assemble(with_law(model, name, TOO_STRONG)) for name in ("bilinear", *names)}
     worst = 0.0
     print(f"{'over bilinear stories':22s}" + "".join(f"{name:>22s}" for name in names))
     for text in methods:

@@ -6,7 +6,6 @@ cost for every drift law), stiff (yielding stories with stiff parts). All if non
 """
 
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,28 +14,22 @@ import numpy as np
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
-from tdint.analysis.run.workspace import choose_steps
-from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
 from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
+from common import ROOT, difference
+from march import March, with_law
+
 from building_cases import story
-from law_examples import example
 from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 
-MODEL = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
+MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 FINE = 16
 METHODS = ("moment4", "impulse4", "gauss4", "newmark-average")
 REPEATS = 15
-
-
-def difference(u, exact):
-    """Relative L2 difference of two histories."""
-    rows = min(len(u), len(exact))
-    return np.linalg.norm(u[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
 
 
 def energy():
@@ -82,7 +75,7 @@ def random():
     print(f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a halved step")
 
 
-def _errors(model, method, samples, reference):
+def errors(model, method, samples, reference):
     """L2 error and largest error of a peak drift; samples per step."""
     exact, peaks = reference
     try:
@@ -95,53 +88,32 @@ def _errors(model, method, samples, reference):
     return f"{error:.1e}/{peak:.1e}"
 
 
-def _reference(model, method="impulse4"):
-    fine = run(model, method=method, dt=DT / FINE, history=True)
-    return fine.history.displacement[::FINE], fine.stories.peak_drift
+def reference(model, method="impulse4", parts=FINE):
+    """Displacements at the samples and peak drifts, with so many steps in a sample."""
+    fine = run(model, method=method, dt=DT / parts, history=True)
+    return fine.history.displacement[::parts], fine.stories.peak_drift
 
 
-def _table(model, methods, reference, all_samples):
+def table(model, methods, reference, all_samples):
+    """A row a method, a column a number of samples in a step."""
     print(f"{'':22s}" + "".join(f"{f'{one:g} samples':>18s}" for one in all_samples))
     for method in methods:
-        cells = (_errors(model, method, samples, reference) for samples in all_samples)
+        cells = (errors(model, method, samples, reference) for samples in all_samples)
         print(f"{method:22s}" + "".join(f"{cell:>18s}" for cell in cells))
 
 
 def yielding():
     """The ten stories of the configuration."""
     print("L2 error / largest error of a peak drift, by samples of the record in a step")
-    _table(MODEL, METHODS, _reference(MODEL), (0.25, 0.5, 1, 2, 4, 8))
-
-
-class March:
-    """The fastest march of a building with a method."""
-
-    def __init__(self, model, method):
-        self.prepared, self.integrator = PreparedBuilding.of(model), parse(method)
-        self.seconds = np.inf
-
-    def repeat(self, record):
-        """March once more; processor time."""
-        steps = choose_steps(None, None, record.dt, record.duration)
-        begin = time.process_time()
-        self.prepared.march(self.integrator, steps, record.acceleration.copy())
-        self.seconds = min(self.seconds, (time.process_time() - begin) / steps.count)
+    table(MODEL, METHODS, reference(MODEL), (0.25, 0.5, 1, 2, 4, 8))
 
 
 def laws():
     """Ten stories of every law, bending where those of the model yield."""
     record = model_record(MODEL)
-    models = {
-        name: replace(
-            MODEL,
-            stories=tuple(
-                replace(one, law=example(name, one.stiffness, one.law.parameters[0])) for one in MODEL.stories
-            ),
-        )
-        for name in LAWS
-    }
+    models = {name: with_law(MODEL, name) for name in LAWS}
     methods = ("newmark-average", "impulse4", "moment4")
-    marches = {name: [March(model, method) for method in methods] for name, model in models.items()}
+    marches = {name: [March(assemble(model), method) for method in methods] for name, model in models.items()}
     for _ in range(REPEATS):
         for march in (march for group in marches.values() for march in group):
             march.repeat(record)
@@ -151,7 +123,7 @@ def laws():
         print(f"{name:20s}{times}   {group[2].seconds / group[1].seconds:5.2f}")
     for name, model in models.items():
         print(f"\n{name}: L2 error / largest error of a peak drift")
-        _table(model, METHODS, _reference(model, "gauss4" if LAWS[name].curved else "impulse4"), (0.5, 1, 2, 4))
+        table(model, METHODS, reference(model, "gauss4" if LAWS[name].curved else "impulse4"), (0.5, 1, 2, 4))
 
 
 def stiff():
@@ -163,7 +135,7 @@ def stiff():
     model = replace(MODEL, stories=stories)
     print("L2 error / largest error of a peak drift")
     dissipative = ("moment4:rho_inf=0.8", "moment4:rho_inf=0.5", "moment4:rho_inf=0", "impulse4:rho_inf=0.5")
-    _table(model, (*METHODS, *dissipative, "bathe"), _reference(model), (0.5, 1, 2, 4))
+    table(model, (*METHODS, *dissipative, "bathe"), reference(model), (0.5, 1, 2, 4))
 
 
 TABLES = {one.__name__: one for one in (energy, random, yielding, laws, stiff)}

@@ -8,14 +8,13 @@ computes it and tests/analysis/spectra/test_exact_maxima.py confirms it with mat
 """
 
 import math
-import time
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 
 import numba
 import numpy as np
+from common import ROOT, least
 
 from tdint import read_record, spectrum
 from tdint.analysis.defaults import PERIODS
@@ -25,7 +24,7 @@ from tdint.methods.exact import oscillator
 from tdint.written_numbers import parse_grid
 
 REPEATS = 15
-RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
+RECORD = ROOT / "records" / "firm-soil.mseed"
 DAMPING = 0.05
 LANES = 16
 
@@ -38,18 +37,9 @@ def plain_recursion(ground, table, peaks):
     u, v, top = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     for group in range(0, table.shape[1], LANES):
         for i in range(LANES):
-            a11[i], a12[i], b10[i], b11[i] = (
-                table[0, group + i],
-                table[1, group + i],
-                table[2, group + i],
-                table[3, group + i],
-            )
-            a21[i], a22[i], b20[i], b21[i] = (
-                table[4, group + i],
-                table[5, group + i],
-                table[6, group + i],
-                table[7, group + i],
-            )
+            row = table[:, group + i]
+            a11[i], a12[i], b10[i], b11[i] = row[0], row[1], row[2], row[3]
+            a21[i], a22[i], b20[i], b21[i] = row[4], row[5], row[6], row[7]
             u[i] = v[i] = top[i] = 0.0
         for s in range(1, ground.size):
             before, after = ground[s - 1], ground[s]
@@ -120,13 +110,7 @@ def fastest(works: dict[str, Callable | None], repeats):
     """Fastest times, s, and the results."""
     works = {name: work for name, work in works.items() if work}
     results = {name: work() for name, work in works.items()}
-    times = dict.fromkeys(works, math.inf)
-    for _ in range(repeats):
-        for name, work in works.items():
-            begin = time.process_time()
-            work()
-            times[name] = min(times[name], time.process_time() - begin)
-    return times, results
+    return dict(zip(works, least(list(works.values()), repeats), strict=True)), results
 
 
 def show(times, errors, base):

@@ -20,23 +20,28 @@ HUNDREDTHS = (
 CAPACITIES = np.array(HUNDREDTHS) / 100.0
 
 
-def test_stripes_of_baker():
-    found = fit_stripes(LEVELS, COLLAPSES, [40] * 8)
-    assert (round(found.theta, 5), round(found.beta, 5)) == (1.07612, 0.42924)
-    assert (found.fit, found.records, found.censored) == ("stripes", 40, 0)
+STRIPES = fit_stripes(LEVELS, COLLAPSES, [40] * 8)
+WHOLE = fit_capacities(CAPACITIES)
+TRUNCATED = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
 
 
-def test_capacities_of_baker():
-    found = fit_capacities(CAPACITIES)
-    assert (round(found.theta, 5), round(found.beta, 5)) == (1.06923, 0.40807)
-    assert found.theta_error == pytest.approx(found.beta / math.sqrt(37))
-    assert found.beta_error == pytest.approx(found.beta / math.sqrt(74))
+@pytest.mark.parametrize(
+    ("found", "fit", "numbers", "counts"),
+    [
+        (STRIPES, "stripes", (1.07612, 0.42924), (40, 0)),
+        (WHOLE, "ida", (1.06923, 0.40807), (37, 0)),
+        (TRUNCATED, "ida", (1.05822, 0.38214), (37, 12)),
+    ],
+    ids=["stripes", "capacities", "truncated"],
+)
+def test_fits_of_baker(found, fit, numbers, counts):
+    assert (round(found.theta, 5), round(found.beta, 5)) == numbers
+    assert (found.fit, found.records, found.censored) == (fit, *counts)
 
 
-def test_capacities_of_baker_truncated():
-    found = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
-    assert (round(found.theta, 5), round(found.beta, 5)) == (1.05822, 0.38214)
-    assert (found.records, found.censored) == (37, 12)
+def test_errors_of_known_capacities():
+    assert WHOLE.theta_error == pytest.approx(WHOLE.beta / math.sqrt(37))
+    assert WHOLE.beta_error == pytest.approx(WHOLE.beta / math.sqrt(74))
 
 
 def information(negative, at, h=1e-4):
@@ -63,10 +68,7 @@ def truncated_likelihood(p):
 
 @pytest.mark.parametrize(
     ("likelihood", "found"),
-    [
-        (stripes_likelihood, fit_stripes(LEVELS, COLLAPSES, [40] * 8)),
-        (truncated_likelihood, fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)),
-    ],
+    [(stripes_likelihood, STRIPES), (truncated_likelihood, TRUNCATED)],
     ids=["stripes", "truncated"],
 )
 def test_maximum_and_information_by_a_second_route(likelihood, found):

@@ -118,22 +118,23 @@ def test_the_largest_intensity_censors(frame):
     assert np.isnan(fractiles(found.curves, np.array([0.09]))).all()
 
 
-def test_crossings_are_straight_on_logarithmic_axes():
-    one = curve((1.0, 0.01), (2.0, 0.04), (3.0, math.inf))
-    assert one.capacity(0.02).capacity == pytest.approx(math.sqrt(2.0))
-    assert (one.capacity(0.02).lower, one.capacity(0.02).upper) == (1.0, 2.0)
-    assert one.capacity(0.005).capacity == pytest.approx(0.5)
-
-
-def test_no_crossing_leads_to_a_building_that_ran_away():
-    one = curve((1.0, 0.01), (2.0, 0.04), (2.2, math.inf))
-    found = one.capacity(0.08)
-    assert (found.capacity, found.lower, found.upper) == (pytest.approx(math.sqrt(4.4)), 2.0, 2.2)
-
-
-def test_the_first_crossing_counts():
-    one = curve((1.0, 0.01), (2.0, 0.03), (3.0, 0.015), (4.0, 0.04), (5.0, math.inf))
-    assert one.capacity(0.02).upper == 2.0
+@pytest.mark.parametrize(
+    ("runs", "threshold", "found"),
+    [
+        ([(1.0, 0.01), (2.0, 0.04), (3.0, math.inf)], 0.02, (math.sqrt(2.0), 1.0, 2.0)),
+        ([(1.0, 0.01), (2.0, 0.04), (3.0, math.inf)], 0.005, (0.5, 0.0, 1.0)),
+        ([(1.0, 0.01), (2.0, 0.04), (2.2, math.inf)], 0.08, (math.sqrt(4.4), 2.0, 2.2)),
+        (
+            [(1.0, 0.01), (2.0, 0.03), (3.0, 0.015), (4.0, 0.04), (5.0, math.inf)],
+            0.02,
+            (2.0 ** (math.log(2.0) / math.log(3.0)), 1.0, 2.0),
+        ),
+    ],
+    ids=["straight on logarithmic axes", "below the first run", "not to one that ran away", "the first counts"],
+)
+def test_crossings(runs, threshold, found):
+    crossing = curve(*runs).capacity(threshold)
+    assert (crossing.capacity, crossing.lower, crossing.upper) == pytest.approx(found)
 
 
 def test_resurrection():

@@ -1,12 +1,13 @@
 """Where a store may lie, and how chunks are cut."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint import spectrum, system
@@ -45,21 +46,27 @@ def test_a_network_file_system_is_refused(tmp_path: Path, kind: str, monkeypatch
     refuse_network(home)
 
 
+def plan_of(motions: dict[str, Any], factors: Sequence[int], buildings: int = 1, **settings: float) -> Plan:
+    """Buildings alike under motions (samples by component), each times 1, 2, ... up to its number of factors."""
+    model = load_model("configs/two-story-polynomial.yaml")
+    suite = suite_motions([Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()])
+    levels = GivenFactors({i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))})
+    given_ones = given_buildings([Subject(model, "newmark-average")] * buildings)
+    return Plan("", given_ones, suite, EveryMotion(len(motions)), levels, RunSettings(**settings))
+
+
+@settings(max_examples=30)
 @given(
     sizes=st.lists(st.integers(2, 4000), min_size=1, max_size=6),
     factors=st.lists(st.integers(1, 40), min_size=6, max_size=6),
     buildings=st.integers(1, 4),
 )
 def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int], buildings: int) -> None:
-    model = load_model("configs/two-story-polynomial.yaml")
-    motions = suite_motions([Record(np.ones(size), 0.01, "", "", f"c{i}", "r") for i, size in enumerate(sizes)])
-    levels = GivenFactors({i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(sizes))})
-    subjects = [Subject(model, "newmark-average")] * buildings
-    plan = Plan("", given_buildings(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
+    plan = plan_of({f"c{i}": np.ones(size) for i, size in enumerate(sizes)}, factors, buildings)
     found = [
         (one.number, run) for number in range(plan.chunks) for one in plan.chunk(number).buildings for run in one.runs
     ]
-    wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in levels.by_motion[m]]
+    wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in range(1, factors[m] + 1)]
     assert found == wanted and len(found) == plan.runs
     assert [plan.size(number) for number in range(plan.chunks)] == [
         sum(len(part.runs) for part in plan.chunk(number).buildings) for number in range(plan.chunks)
@@ -68,11 +75,7 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
 
 def test_chunks_of_equal_runs_are_of_equal_length() -> None:
     """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building begins."""
-    model = load_model("configs/two-story-polynomial.yaml")
-    motions = suite_motions([Record(np.ones(1000), 0.01, "", "", "c", "r")])
-    levels = GivenFactors({0: tuple(float(f + 1) for f in range(40))})
-    subjects = [Subject(model, "newmark-average")] * 25
-    plan = Plan("", given_buildings(subjects), motions, EveryMotion(1), levels, RunSettings())
+    plan = plan_of({"c": np.ones(1000)}, [40], 25)
     assert plan.chunks == 64
     assert {plan.size(number) for number in range(64)} == {15, 16}
 
@@ -110,12 +113,8 @@ def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Pat
 
 def small_plan(names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration: float = 0.3) -> Plan:
     """Two short motions, the first of which has a peak, on one building."""
-    model = load_model("configs/two-story-polynomial.yaml")
     peaks = {"a": peak, "b": 3.0}
-    motions = suite_motions([Record(np.full(30, peaks[name]), 0.01, "", "", name, "r") for name in names])
-    levels = GivenFactors(dict.fromkeys(range(2), (1.0, 2.0)))
-    settings = RunSettings(duration=duration)
-    return Plan("", given_buildings([Subject(model, "newmark-average")]), motions, EveryMotion(2), levels, settings)
+    return plan_of({name: np.full(30, peaks[name]) for name in names}, [2, 2], duration=duration)
 
 
 def test_the_time_of_a_chunk_is_a_part_of_the_time_around_it() -> None:

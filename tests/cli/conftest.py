@@ -1,8 +1,12 @@
 """Small models and records, and a way to run the command in this process."""
 
 import inspect
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
 from typing import Any, BinaryIO
@@ -34,21 +38,25 @@ SHAKEN = """\
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and other.mseed."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "forced.yaml").write_text(dedent(FORCED), encoding="utf-8")
-    (tmp_path / "shaken.yaml").write_text(dedent(SHAKEN), encoding="utf-8")
-    write_record(tmp_path / "motion.mseed", "HNE", "HNN")
-    write_record(tmp_path / "other.mseed", "HNE", peak=1.0)
-    return tmp_path
-
-
-@pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working directory, empty."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def folder(here: Path) -> Path:
+    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and other.mseed."""
+    return write_folder(here)
+
+
+def write_folder(folder: Path) -> Path:
+    """Write the files of `folder`."""
+    (folder / "forced.yaml").write_text(dedent(FORCED), encoding="utf-8")
+    (folder / "shaken.yaml").write_text(dedent(SHAKEN), encoding="utf-8")
+    write_record(folder / "motion.mseed", "HNE", "HNN")
+    write_record(folder / "other.mseed", "HNE", peak=1.0)
+    return folder
 
 
 def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False) -> None:
@@ -63,6 +71,24 @@ def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 3
     header: dict[str, Any] = {"network": "TD", "station": "TEST", "delta": 0.01}
     traces = [Trace(data * (i + 1), {**header, "channel": channel}) for i, channel in enumerate(channels)]
     Stream(traces).write(str(file), format="MSEED")
+
+
+def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> Path:
+    """A folder for a fixture of a whole file of tests: `make` fills it, as the working directory."""
+    folder = folders.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        make(folder)
+    return folder
+
+
+def change(file: str | Path, *changes: tuple[str, str]) -> None:
+    """Replace texts in a file; each of them stands there."""
+    text = Path(file).read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    Path(file).write_text(text)
 
 
 class Command:
@@ -93,6 +119,23 @@ class Command:
 def tdint() -> Command:
     """`tdint(*ARGUMENTS)` is the command."""
     return Command()
+
+
+def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
+    """What `tdint LINE`, a process of its own, shows on a terminal by standard error, and by standard output if that is
+    said; and its exit code."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from tdint_cli.main import main; main()", *line.split()]
+    process = subprocess.Popen(command, stdout=theirs if to_terminal else subprocess.DEVNULL, stderr=theirs)
+    os.close(theirs)
+    shown = b""
+    with suppress(OSError):  # The end of a terminal is an error on Linux.
+        while piece := os.read(ours, 65536):
+            shown += piece
+    os.close(ours)
+    return shown, process.wait(timeout=60.0)
 
 
 @pytest.fixture(autouse=True)

@@ -65,15 +65,13 @@ def test_interpolation_only_if_said(spectra, tdint):
 
 def test_picture_summary_and_what_is_said(spectra, tdint):
     values = [1.1, 0.9, 1.0, 1.0]
-    lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}" for row, x in zip(spectra[4:], values, strict=True)]
-    result = tdint(
-        *OPTIONS, *publish("\n".join(["period_s,psa_m_s2", *lines])), "-o", "difference.csv", "--plot", code=0
-    )
+    lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}\n" for row, x in zip(spectra[4:], values, strict=True)]
+    published = publish("period_s,psa_m_s2\n" + "".join(lines))
+    result = tdint(*OPTIONS, *published, "-o", "difference.csv", "--plot", code=0)
     assert "largest difference of psa to published.csv +11.1 % at 0.2 s" in result.stderr
     assert Path("difference.png").stat().st_size > 10_000
     settings = json.loads(Path("difference.json").read_text())["settings"]
-    assert settings["against"] == "published.csv"
-    assert len(settings["against_sha256"]) == 64
+    assert settings["against"] == "published.csv" and len(settings["against_sha256"]) == 64
 
 
 @pytest.mark.parametrize(
@@ -90,15 +88,8 @@ def test_picture_summary_and_what_is_said(spectra, tdint):
         ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
         ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
         ("period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n", (), 4, "has no damping ratio 0.05; it has 0.1"),
-        ("period_s,psa_g\n1,1\n2,1\n", ("--ductility", "2"), 2, "--ductility has nothing to act on with --against"),
         ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
     ],
 )
 def test_what_is_refused(folder, tdint, text, options, code, message):
-    result = tdint(*OPTIONS, *publish(text), *options, code=code)
-    assert message in result.stderr
-    assert result.stdout == ""
-
-
-def test_its_options_need_it(folder, tdint):
-    tdint.refused("--against-column has nothing to act on without --against", *OPTIONS, "--against-column", "psa_g")
+    tdint.refused(message, *OPTIONS, *publish(text), *options, code=code)

@@ -3,14 +3,14 @@
 import os
 import shutil
 import sqlite3
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 
-from cli.conftest import Command
+from cli.conftest import Command, change, made_once, write_folder
+from tdint.campaign import store_schema
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import LOCK
 
@@ -23,11 +23,22 @@ outputs: {stories: true}
 TABLES = ("runs.csv", "stories.csv")
 
 
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign study.yaml, done in the folder out."""
+
+    def make(folder: Path) -> None:
+        write_folder(folder)
+        Path("study.yaml").write_text(STUDY)
+        Command()("campaign", "study.yaml", "-o", "out", code=0)
+
+    return made_once(tmp_path_factory, make)
+
+
 @pytest.fixture
-def done(folder: Path, tdint: Command) -> dict[str, bytes]:
-    """The campaign study.yaml, done in the folder out; its tables."""
-    (folder / "study.yaml").write_text(STUDY)
-    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+def done(study: Path, here: Path) -> dict[str, bytes]:
+    """The working directory with what is in `study`; the tables of its campaign."""
+    shutil.copytree(study, here, dirs_exist_ok=True)
     return tables("out")
 
 
@@ -64,8 +75,7 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
     for action in ("status", "export"):
         tdint.refused("chunks of runs are not as they were written; call", "campaign", action, "out", code=6)
     assert tables("out") == done
-    again = tdint("campaign", "study.yaml", "-o", "out")
-    assert (again.exit_code, "they are done again" in again.stderr) == (0, True), again.stderr
+    assert "they are done again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
     assert tables("out") == done
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
 
@@ -73,13 +83,12 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
 def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Command) -> None:
     shutil.copytree("out", "good")
     sql("DELETE FROM run_rows WHERE scale = 0.5")
-    result = tdint("campaign", "merge", "out", "good", "-o", "all")
-    assert (result.exit_code, "and are left out" in result.stderr) == (0, True)
+    assert "and are left out" in tdint("campaign", "merge", "out", "good", "-o", "all", code=0).stderr
     assert tables("all") == done
-    refused = tdint("campaign", "merge", "out", "-o", "part")
-    assert (refused.exit_code, Path("part/campaign.sqlite").exists()) == (5, False)
-    assert tdint("campaign", "merge", "out", "-o", "part", "--partial").exit_code == 0
-    assert tdint("campaign", "study.yaml", "-o", "part").exit_code == 0
+    tdint("campaign", "merge", "out", "-o", "part", code=5)
+    assert not Path("part/campaign.sqlite").exists()
+    tdint("campaign", "merge", "out", "-o", "part", "--partial", code=0)
+    tdint("campaign", "study.yaml", "-o", "part", code=0)
     assert tables("part") == done
 
 
@@ -130,80 +139,83 @@ def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> 
     assert 6 in ends
 
 
+@pytest.mark.parametrize("make", [lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir])
 @pytest.mark.parametrize("name", [LOCK, FILE])
-def test_what_is_no_file_of_ours_in_its_place(done: dict[str, bytes], tdint: Command, name: str) -> None:
-    for make in (lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir):
-        Path("out", name).unlink(missing_ok=True)
-        make(Path("out", name))
-        result = tdint("campaign", "study.yaml", "-o", "out")
-        assert (result.exit_code, len(result.stderr.splitlines())) == (6, 1), result.stderr
-        assert str(Path("out", name)) in result.stderr
-        if make is Path.mkdir:
-            Path("out", name).rmdir()
+def test_what_is_no_file_of_ours_in_its_place(
+    done: dict[str, bytes], tdint: Command, name: str, make: Callable[[Path], None]
+) -> None:
+    file = Path("out", name)
+    file.unlink(missing_ok=True)
+    make(file)
+    result = tdint.refused(str(file), "campaign", "study.yaml", "-o", "out", code=6)
+    assert len(result.stderr.splitlines()) == 1
+    if name == FILE:
+        tdint.refused(str(file), "campaign", "status", "out", code=6)
     assert tables("out") == done
 
 
 @contextmanager
-def locked_by_another(seconds: float = 0.0) -> Iterator[None]:
-    """Another program writes; for some seconds, or as long as it is needed."""
-    connection = sqlite3.connect(f"out/{FILE}", isolation_level=None, check_same_thread=False)
+def locked_by_another() -> Iterator[sqlite3.Connection]:
+    """Another program writes, until its transaction is rolled back."""
+    connection = sqlite3.connect(f"out/{FILE}", isolation_level=None)
     connection.execute("BEGIN IMMEDIATE")
-    timer = threading.Timer(seconds, connection.rollback)
-    if seconds:
-        timer.start()
     try:
-        yield
+        yield connection
     finally:
-        timer.cancel()
         connection.close()
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lock is waited for for a tenth of a second, first without a word, then with one."""
+    monkeypatch.setattr(store_schema, "_SILENT", 100)
+    monkeypatch.setattr(store_schema, "_LONGEST", 150)
+
+
+@pytest.mark.usefixtures("impatient")
 def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Command) -> None:
     tdint("campaign", "export", "out")
     with locked_by_another():
-        for arguments in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
-            result = tdint("campaign", *arguments)
-            assert (result.exit_code, "waiting" in result.stderr) == (0, False), result.stderr
+        for words in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
+            assert "waiting" not in tdint("campaign", *words, code=0).stderr
     assert tables("out") == done
 
 
+@pytest.mark.usefixtures("impatient")
 def test_waiting_is_said_and_ends(done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    sql("DELETE FROM run_rows WHERE scale = 0.5")
-    with locked_by_another(2.0):
-        result = tdint("campaign", "study.yaml", "-o", "out")
-    assert (result.exit_code, "locked it; waiting for ten seconds at most" in result.stderr) == (0, True)
-    assert tables("out") == done
-    monkeypatch.setattr("tdint.campaign.store_schema._LONGEST", 100)
+    """The other program ends when it hears of it, or never."""
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
-        result = tdint("campaign", "study.yaml", "-o", "out")
-    assert (result.exit_code, "another program keeps it locked" in result.stderr) == (6, True)
+        tdint.refused("another program keeps it locked", "campaign", "study.yaml", "-o", "out", code=6)
+    say = store_schema._log.info
+    with locked_by_another() as other:
+        monkeypatch.setattr(store_schema._log, "info", lambda *words: (other.rollback(), say(*words)))
+        result = tdint("campaign", "study.yaml", "-o", "out", code=0)
+    assert "locked it; waiting for ten seconds at most" in result.stderr
+    assert tables("out") == done
 
 
 def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdint: Command) -> None:
     """Neither those that were there before the campaign began, nor those that were changed since."""
-    assert tdint("run", "shaken.yaml", "--units", "m/s^2", "-o", "one").exit_code == 0
+    one_run = ("run", "shaken.yaml", "--units", "m/s^2", "-o", "one")
+    tdint(*one_run, code=0)
     kept = {path.name: path.read_bytes() for path in Path("one").iterdir()}
-    for arguments in (
-        ["campaign", "study.yaml", "-o", "one"],
-        ["campaign", "merge", "out", "-o", "one"],
-        ["run", "shaken.yaml", "--units", "m/s^2", "--scale", "0.5,1", "-o", "one"],
-    ):
-        tdint.refused("exists already", *arguments, code=6)
+    into_one = [("campaign", "study.yaml", "-o", "one"), ("campaign", "merge", "out", "-o", "one")]
+    for words in (*into_one, (*one_run, "--scale", "0.5,1")):
+        tdint.refused("exists already", *words, code=6)
         assert {path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK} == kept
     Path("out/runs.csv").write_text("mine\n")
-    for arguments in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
-        tdint.refused("out/runs.csv: exists already", "campaign", *arguments, code=6)
+    for words in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
+        tdint.refused("out/runs.csv: exists already", "campaign", *words, code=6)
         assert Path("out/runs.csv").read_text() == "mine\n"
-    assert tdint("campaign", "export", "out", "--overwrite").exit_code == 0
-    assert tables("out") == done
-    assert tdint("campaign", "study.yaml", "-o", "one", "--overwrite").exit_code == 0
-    assert tables("one") == done
+    tdint("campaign", "export", "out", "--overwrite", code=0)
+    tdint("campaign", "study.yaml", "-o", "one", "--overwrite", code=0)
+    assert tables("out") == tables("one") == done
 
 
 def test_overwrite_begins_no_campaign_anew_that_is_the_same(done: dict[str, bytes], tdint: Command) -> None:
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out", "--overwrite").stderr
-    Path("study.yaml").write_text(STUDY.replace("2.5", "3"))
-    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 2
-    assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
+    change("study.yaml", ("2.5", "3"))
+    tdint("campaign", "study.yaml", "-o", "out", code=2)
+    tdint("campaign", "study.yaml", "-o", "out", "--overwrite", code=0)
     assert tables("out") != done

@@ -8,11 +8,12 @@ from importlib.metadata import version
 import pytest
 
 from csv_rows import rows
-from tdint.analysis.chart import profiles
+from tdint.analysis.chart import peers, problem, profiles, work_precision
 from tdint.analysis.chart.work_precision import DEFAULT_METHODS
 from tdint.analysis.defaults import PEAKS, QUANTITIES
 from tdint.methods.catalogue import parse
 from tdint.system import version_of_sources
+from tdint_cli import terminal
 from tdint_cli.commands import chart
 
 COLUMNS = (
@@ -22,10 +23,11 @@ COLUMNS = (
 QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
 
 
-def test_rows_and_words(folder, tdint):
-    result = tdint("chart", "shaken.yaml", *QUICK, code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
-    table = rows(result.stdout)
+def test_table_words_and_files(folder, tdint):
+    result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
+    assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "x.csv").read_text().splitlines()[0] == COLUMNS
+    table = rows(folder / "x.csv")
     assert [(row["method"], row["dt_s"], row["steps"], row["outcome"]) for row in table] == [
         (parse(name).label, dt, steps, "done")
         for name in ("impulse4", "newmark-average")
@@ -44,10 +46,26 @@ def test_rows_and_words(folder, tdint):
     assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")
     assert not any(line.startswith("note: ") for line in lines)
 
+    summary = json.loads((folder / "x.json").read_text())
+    assert summary["interval_s"] == 0.01
+    assert [one["limit"] for one in summary["recommended"]] == [0.01, 0.001]
+    assert all(0.0 < one["error"] <= one["limit"] for one in summary["recommended"])
+    assert (summary["model"]["file"], summary["record"]["component"]) == ("shaken.yaml", "HNE")
+    (reference,) = summary["references"]
+    assert reference["method"] == "impulse4"
+    assert set(reference["gap"]) == {name.replace("-", "_") for name in QUANTITIES}
+    assert all(0.0 < gap < 1e-6 for gap in reference["gap"].values())
+    assert (summary["usual"]["method"], summary["peers"]) == ("newmark-average", [])
+    (timing,) = summary["timing"]
+    assert 2 <= timing["repeats"][0] <= timing["repeats"][1] <= 8 and timing["processors"] >= 1 and timing["processor"]
+    assert timing["clock"] in ("processor time of the thread", "wall time")
+
 
 def test_lines_by_tolerance(folder, tdint):
     """They stand behind the others, with the error of peak drifts alone, and are not recommended: they have no dt."""
-    result = tdint("chart", "shaken.yaml", *QUICK, "--tolerance", "5%,1%", "--plot", "x.svg", code=0)
+    result = tdint(
+        "chart", "shaken.yaml", *QUICK, "--duration", "1.5", "--tolerance", "5%,1%", "--plot", "x.svg", code=0
+    )
     chosen = rows(result.stdout)[4:]
     assert [row["method"] for row in chosen] == [
         f"{parse(name).label} within {tolerance}" for name in ("moment4", "impulse4") for tolerance in ("0.05", "0.01")
@@ -61,30 +79,9 @@ def test_lines_by_tolerance(folder, tdint):
     assert "moment4 by tolerance" in words and "by tolerance: of the whole run" in words
 
 
-def test_files(folder, tdint):
-    assert tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0).stdout == ""
-    assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
-    assert len(rows(folder / "x.csv")) == 4
-    summary = json.loads((folder / "x.json").read_text())
-    assert summary["interval_s"] == 0.01
-    assert [one["limit"] for one in summary["recommended"]] == [0.01, 0.001]
-    assert all(0.0 < one["error"] <= one["limit"] for one in summary["recommended"])
-    assert summary["model"]["file"] == "shaken.yaml"
-    assert summary["record"]["component"] == "HNE"
-    (problem,) = summary["references"]
-    assert problem["method"] == "impulse4"
-    assert set(problem["gap"]) == {name.replace("-", "_") for name in QUANTITIES}
-    assert all(0.0 < gap < 1e-6 for gap in problem["gap"].values())
-    assert summary["usual"]["method"] == "newmark-average"
-    (timing,) = summary["timing"]
-    assert 2 <= timing["repeats"][0] <= timing["repeats"][1] <= 8 and timing["processors"] >= 1 and timing["processor"]
-    assert timing["clock"] in ("processor time of the thread", "wall time")
-    assert summary["peers"] == []
-
-
-@pytest.mark.usefixtures("laid_out")
-def test_the_picture_names_what_it_shows(folder, tdint):
-    for options, words in (
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
         (
             (),
             [
@@ -93,52 +90,53 @@ def test_the_picture_names_what_it_shows(folder, tdint):
                 "time of the thread in the compiled loop (s)",
             ],
         ),
-        (("--target", "drift"), ["error of the drifts (L2 of the history)"]),
-        (("--versus", "dt"), ["time step (s)", "vertical line: the record's own step"]),
+        (
+            ("--target", "drift", "--versus", "dt"),
+            ["error of the drifts (L2 of the history)", "time step (s)", "vertical line: the record's own step"],
+        ),
         (("--versus", "solves"), ["solves of the equations", version_of_sources()[0]]),
         (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
-    ):
-        assert tdint("chart", "shaken.yaml", *QUICK, *options, "--plot", "x.svg", "--overwrite").exit_code == 0
-        picture = (folder / "x.svg").read_text(encoding="utf-8")
-        for word in [*words, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
-            assert word in picture.replace("> impulse4<", ">impulse4<"), word
+    ],
+    ids=["time", "dt", "solves", "steps"],
+)
+def test_the_picture_names_what_it_shows(folder, tdint, options, words):
+    tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", *options, "--plot", "x.svg", code=0)
+    picture = (folder / "x.svg").read_text(encoding="utf-8").replace("> impulse4<", ">impulse4<")
+    for word in [*words, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
+        assert word in picture, word
 
 
-def test_a_linear_building_under_forces_without_a_record(folder, tdint):
-    result = tdint("chart", "forced.yaml", *QUICK, "--method", "exact", "--target", "displacement", code=0)
-    assert {row["method"] for row in rows(result.stdout)} == {
-        parse(name).label for name in ("impulse4", "newmark-average", "exact")
-    }
-    assert "the reference is impulse4" in result.stderr
-    assert "with the model's dt 0.02 s" in result.stderr
+@pytest.mark.parametrize(
+    ("words", "steps", "usual"),
+    [
+        (("--method", "exact", "--target", "displacement"), ["100", "200"] * 3, "with the model's dt 0.02 s"),
+        (("--record", "other.mseed", "--duration", "1"), ["50", "100"] * 2, "with the record's dt 0.01 s"),
+    ],
+    ids=["forces alone", "a record of the command line"],
+)
+def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
+    result = tdint("chart", "forced.yaml", *QUICK, *words, code=0)
+    assert [row["steps"] for row in rows(result.stdout)] == steps
+    assert "the reference is impulse4" in result.stderr and usual in result.stderr
     assert "skip samples" not in result.stderr
 
 
-def test_the_default_methods_and_steps(folder, tdint):
-    table = rows(tdint("chart", "shaken.yaml", "--repeat", "1", "--no-cache", code=0).stdout)
+def test_the_default_methods(folder, tdint):
+    words = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--duration", "1")
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
-    assert [row["method"] for row in table] == [label for label in labels for _ in range(13)]
-    steps = [float(row["dt_s"]) for row in table[:13]]
-    assert {0.08 / 2**j for j in range(8)} <= {round(step, 9) for step in steps}
-    assert steps == sorted(steps, reverse=True)
-    assert 0.03 in steps
-    halved = tdint("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--method", "gauss4")
-    assert [row["dt_s"] for row in rows(halved.stdout)] == ["0.08", "0.04"]
+    assert [(row["method"], row["dt_s"]) for row in rows(tdint(*words, code=0).stdout)] == [
+        (label, dt) for label in labels for dt in ("0.08", "0.04")
+    ]
 
 
 def test_unstable_steps_stay_in_the_table(folder, tdint):
-    result = tdint(
-        "chart", "shaken.yaml", "--method", "central-difference", "--dt", "0.2,0.01", "--repeat", "1", "--no-cache",
-        "--plot", "x.svg", code=0)  # fmt: skip
+    words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--no-cache", "--plot", "x.svg")
+    result = tdint("chart", "shaken.yaml", *words, code=0)
     first, second = rows(result.stdout)
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
     empty = [name for name in COLUMNS.split(",") if name not in ("method", "dt_s", "steps", "outcome")]
     assert {first[name] for name in empty} == {""}
     assert "note: central-difference: unstable-step with dt 0.2 s" in result.stderr
-
-
-def test_no_point_within_the_error(folder, tdint):
-    result = tdint("chart", "shaken.yaml", "--method", "newmark-average", "--dt", "0.02", "--repeat", "1", "--no-cache")
     assert "For 0.1 % (peak-drift): none of these methods and steps; add smaller steps" in result.stderr
 
 
@@ -155,25 +153,23 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
 
 
 def test_over_the_number_of_stories(folder, tdint):
-    command = ("chart", "shaken.yaml", "--stories", "1,2,6", "--method", "impulse4", "--repeat", "1", "--no-cache")
-    result = tdint(*command, "-o", "x.csv", "--plot", "x.svg", code=0)
+    words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--no-cache", "--duration", "1")
+    result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
     text = (folder / "x.csv").read_text()
     assert text.splitlines()[0] == f"stories,{COLUMNS}"
-    assert [(row["stories"], row["dt_s"]) for row in rows(text)] == [("1", "0.01"), ("2", "0.01"), ("6", "0.01")]
-    assert [line.split(":")[0] for line in result.stderr.splitlines()[1:4]] == ["1 story", "2 stories", "6 stories"]
+    assert [(row["stories"], row["dt_s"]) for row in rows(text)] == [("1", "0.01"), ("2", "0.01"), ("4", "0.01")]
+    assert [line.split(":")[0] for line in result.stderr.splitlines()[1:4]] == ["1 story", "2 stories", "4 stories"]
     assert "time per step (us)" in (folder / "x.svg").read_text(encoding="utf-8")
-    assert [one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]] == [1, 2, 6]
+    assert [one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]] == [1, 2, 4]
 
 
 def test_peers_in_the_chart(folder, tdint, monkeypatch):
-    from tdint.analysis.chart import peers as scipy_peer
-
-    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0)
     table = rows(result.stdout)
     assert [row["method"] for row in table[:4:2]] == [parse(name).label for name in ("impulse4", "newmark-average")]
     others = {row["method"]: row for row in table[4:]}
-    assert {f"scipy/{name}:rtol=0.001" for name in scipy_peer.METHODS} <= set(others)
+    assert {f"scipy/{name}:rtol=0.001" for name in peers.METHODS} <= set(others)
     assert (others["scipy/RK45:rtol=0.001"]["dt_s"], others["scipy/RK45:rtol=0.001"]["outcome"]) == ("", "done")
     assert any("openseespy" in name for name in others) == ("openseespy is left out" not in result.stderr)
     picture = (folder / "x.svg").read_text(encoding="utf-8")
@@ -183,63 +179,43 @@ def test_peers_in_the_chart(folder, tdint, monkeypatch):
     assert not any("scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4])
 
 
-def test_a_record_of_the_command_line(folder, tdint):
-    result = tdint("chart", "forced.yaml", "--record", "other.mseed", *QUICK, "--duration", "1", code=0)
-    assert [row["steps"] for row in rows(result.stdout)] == ["50", "100"] * 2
-    assert "with the record's dt 0.01 s" in result.stderr
-
-
 def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
-    from tdint.analysis.chart import problem
-
     monkeypatch.setattr(problem, "cache_folder", lambda: folder)
-    command = [part for part in QUICK if part != "--no-cache"]
-    first = tdint("chart", "shaken.yaml", *command)
+    first = tdint("chart", "shaken.yaml", *QUICK[:-1], code=0)
     assert len(list((folder / "references").iterdir())) == 1
     monkeypatch.setattr(problem, "_solve", None)
-    second = tdint("chart", "shaken.yaml", *command)
-    assert (first.exit_code, second.exit_code) == (0, 0)
+    second = tdint("chart", "shaken.yaml", *QUICK[:-1], code=0)
     assert first.stderr.splitlines()[0] == second.stderr.splitlines()[0]
-    assert tdint("chart", "shaken.yaml", *QUICK).exit_code == 1  # --no-cache solves again
+    tdint("chart", "shaken.yaml", *QUICK, code=1)  # --no-cache solves again
 
 
 def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
-    from tdint.analysis.chart import work_precision as precision
-
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(precision, "errors", interrupt)
+    monkeypatch.setattr(work_precision, "errors", interrupt)
     before = sorted(folder.iterdir())
     tdint.refused("Interrupted", "chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", "x.png", code=130)
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
-    assert "%" not in tdint("chart", "shaken.yaml", *QUICK).stderr.split("For 1 %")[0]
-    from tdint_cli import terminal
-
+def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
+    """Standard error is none here, so that of the bar its words are written alone."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream is sys.stderr)
-    result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", code=0)
-    assert "reference" in result.stderr
+    result = tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", "-o", "x.csv", code=0)
+    assert re.search(r"(?m)^reference\b", result.stderr)
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
         (["--dt", "0.013"], 2, "dt 0.013 s does not fit the record's sampling interval 0.01 s"),
-        (["--dt", "0.01,x"], 2, "'x' is not a valid float"),
         (["--dt", "-1"], 2, "-1.0 is not in the range 0.0<x<=1000000.0"),
         (["--dt", "nan"], 2, "nan is not a finite number"),
-        (["--dt", ""], 2, "'' is not a valid float"),
         (["--stories", "1,2.5"], 2, "'2.5' is not a valid integer"),
         (["--stories", "0"], 2, "0 is not in the range 1<=x<=10000"),
         (["--stories", "1000000"], 2, "1000000 is not in the range 1<=x<=10000"),
         (["--dt", "0.01", "--halvings", "2"], 2, "--dt already gives the steps"),
-        (["--stories", "1,2", "--versus", "dt", "--plot", "x.png"], 2, "--versus has nothing to act on with --stories"),
-        (["--versus", "dt"], 2, "--versus has nothing to act on without --plot"),
-        (["--stories", "1,2", "--peers"], 2, "--peers has nothing to act on with --stories"),
-        (["--stories", "1,2", "--tolerance", "1%"], 2, "--tolerance has nothing to act on with --stories"),
         (["--tolerance", "0"], 2, "Invalid value for '--tolerance'"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
@@ -250,19 +226,12 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
         (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
-        (["-o", "motion.mseed", "--overwrite"], 6, ""),
+        (["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"], 6, "is read by this command"),
     ],
 )
 def test_what_is_refused(folder, tdint, arguments, code, message):
     record = (folder / "motion.mseed").read_bytes()
-    result = tdint.refused(
-        message,
-        "chart",
-        "shaken.yaml",
-        *arguments,
-        *([] if "-o" not in arguments else ["--record", "motion.mseed"]),
-        code=code,
-    )
+    result = tdint.refused(message, "chart", "shaken.yaml", *arguments, code=code)
     assert "internal error" not in result.stderr
     assert (folder / "motion.mseed").read_bytes() == record
 
@@ -311,7 +280,6 @@ def test_profiles_of_several_motions(folder, tdint, make_record):
     assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.usefixtures("laid_out")
 def test_a_file_of_problems_and_its_picture(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
     words = ("chart", "--problems", "mine.yaml", *LINES, "--repeat", "1", "--plot", "x.svg", "--target")
@@ -326,10 +294,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
     [
         ((), 2, "give MODEL.yaml"),
         (("shaken.yaml", "--problems", "standard"), 2, "MODEL.yaml has nothing to act on with --problems"),
-        (("--problems", "standard", "--dt", "0.01"), 2, "--dt has nothing to act on with --problems"),
-        (("--problems", "standard", "--tolerance", "1%"), 2, "--tolerance has nothing to act on with --problems"),
         (("--problems", "standard", "--record", "motion.mseed"), 2, "--record has nothing to act on"),
-        (("shaken.yaml", "forced.yaml", "--stories", "3"), 2, "--stories has nothing to act on with many problems"),
         (("--problems", "standard", "--target", "drift"), 2, "--target drift is of one problem"),
         (("shaken.yaml", "--target", "peak-total-shear"), 2, "--target peak-total-shear is of many problems"),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
@@ -338,6 +303,5 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
 )
 def test_what_many_problems_refuse(folder, tdint, options, code, words):
     (folder / "bad.yaml").write_text(PROBLEMS)
-    result = tdint("chart", *options, code=code)
-    assert words in result.stderr
+    result = tdint.refused(words, "chart", *options, code=code)
     assert len(result.stderr.strip().splitlines()) == 1

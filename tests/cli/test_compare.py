@@ -1,6 +1,5 @@
 """`tdint compare` on a recording that is made of noise on a result."""
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cli.conftest import Command, made_once
 from csv_rows import rows
 from tdint.model.config.model_file import load_model
 
@@ -26,51 +26,45 @@ floors:
   roof: {file: recorded.csv, column: floor_2_absolute_acceleration_m_s2, quantity: acceleration}
 band: [0.4, 15]
 """
+SAMPLES = 500
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A folder with a model, a base motion, and a history of the model with noise on the roof's acceleration."""
-    from click.testing import CliRunner
+    return made_once(tmp_path_factory, write_recorded)
 
-    from tdint_cli.main import cli
 
-    folder = tmp_path_factory.mktemp("recorded")
+def write_recorded(folder):
     generator = np.random.default_rng(4)
-    base = generator.normal(size=1000) * np.hanning(1000)
-    np.savetxt(folder / "base.txt", base, header="dt = 0.02 s, units = m/s^2")
-    (folder / "model.yaml").write_text(MODEL)
-    (folder / "recorded.yaml").write_text(RECORDED)
-    arguments = ["run", folder / "model.yaml", "--method", "exact", "--history", "-o", folder / "out"]
-    assert CliRunner().invoke(cli, [str(one) for one in arguments]).exit_code == 0
-    with (folder / "out" / "history.csv").open() as file:
-        names = next(csv.reader(file))
-        table = np.loadtxt(file, delimiter=",")
+    base = generator.normal(size=SAMPLES) * np.hanning(SAMPLES)
+    np.savetxt("base.txt", base, header="dt = 0.02 s, units = m/s^2")
+    Path("model.yaml").write_text(MODEL)
+    Path("recorded.yaml").write_text(RECORDED)
+    Command()("run", "model.yaml", "--method", "exact", "--history", "-o", "out", code=0)
+    names = Path("out/history.csv").read_text().partition("\n")[0].split(",")
+    table = np.loadtxt("out/history.csv", delimiter=",", skiprows=1)
     roof = names.index("floor_2_absolute_acceleration_m_s2")
-    table[:, roof] += 0.5 + 0.2 * np.std(table[:, roof]) * generator.normal(size=1000)
-    np.savetxt(folder / "recorded.csv", table, "%.12g", ",", header=",".join(names), comments="")
-    return folder
+    table[:, roof] += 0.5 + 0.2 * np.std(table[:, roof]) * generator.normal(size=SAMPLES)
+    np.savetxt("recorded.csv", table, "%.12g", ",", header=",".join(names), comments="")
 
 
-@pytest.mark.usefixtures("laid_out")
 def test_table_files_and_requirements(recorded, tdint, tmp_path):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
     tdint("compare", *files, "-o", out, "--plot", "--require", "correlation=0.95,peak_ratio=0.8", code=0)
-    assert sorted(file.name for file in out.iterdir()) == [
-        "comparison.csv", "comparison.png", "spectra.csv", "summary.json",
-    ]  # fmt: skip
+    names = ["comparison.csv", "comparison.png", "spectra.csv", "summary.json"]
+    assert sorted(file.name for file in out.iterdir()) == names
     first, roof = rows(out / "comparison.csv")
     assert list(first) == ["floor", "quantity", "correlation", "peak_ratio", "rms_difference"]
     assert (first["quantity"], roof["floor"], roof["quantity"]) == ("displacement", "2", "acceleration")
     assert float(first["correlation"]) > 0.999 > float(roof["correlation"]) > 0.95
-    spectra = rows(out / "spectra.csv")
-    assert list(spectra[0]) == ["floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2"]
+    assert list(rows(out / "spectra.csv")[0]) == ["floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2"]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["schema"] == {"name": "tdint compare", "version": 1}
     assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(float(roof["correlation"]))
-    names = [recorded / name for name in ("model.yaml", "recorded.yaml", "recorded.csv")]
-    assert [one["file"] for one in summary["inputs"]] == list(map(str, names))
+    inputs = [str(recorded / name) for name in ("model.yaml", "recorded.yaml", "recorded.csv")]
+    assert [one["file"] for one in summary["inputs"]] == inputs
     again = tdint("compare", *files, "--require", "correlation=0.999", code=5)
     assert "floor 2: correlation is 0.9" in again.stderr
     assert "required is at least 0.999" in again.stderr
@@ -83,33 +77,31 @@ def test_fitted_and_blind(recorded, tdint, tmp_path):
     for name, floor in (("fitted", "  1:"), ("blind", "  roof:")):
         lines = [line for line in text.splitlines() if not line.startswith(floor)]
         (recorded / f"{name}.yaml").write_text("\n".join(lines))
-    off = (recorded / "model.yaml").read_text().replace("900", "1100").replace("700", "600")
-    (recorded / "off.yaml").write_text(off)
-    tdint(
-        "compare", recorded / "off.yaml", "--recorded", recorded / "fitted.yaml", "--fit", "stiffness", "--blind",
-        recorded / "blind.yaml", "-o", tmp_path / "table.csv", code=0)  # fmt: skip
+    (recorded / "off.yaml").write_text(MODEL.replace("900", "1100").replace("700", "600"))
+    words = ("--recorded", recorded / "fitted.yaml", "--fit", "stiffness", "--blind", recorded / "blind.yaml")
+    tdint("compare", recorded / "off.yaml", *words, "-o", tmp_path / "table.csv", code=0)
     roof, first = rows(tmp_path / "table.csv")
     assert (roof["floor"], roof["recorded"]) == ("2", str(recorded / "fitted.yaml"))
     assert (first["floor"], first["recorded"]) == ("1", str(recorded / "blind.yaml"))
     assert float(first["correlation"]) > 0.99
     fitted = rows(tmp_path / "table-fit.csv")
-    assert [(one["parameter"], one["place"]) for one in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
-    assert [float(one["start"]) for one in fitted] == [1100.0, 600.0]
-    assert [float(one["fitted"]) for one in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
-    assert {file.name for file in tmp_path.iterdir()} == {
-        "table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml", "table-summary.json",
-    }  # fmt: skip
+    assert [(row["parameter"], row["place"]) for row in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
+    assert [float(row["start"]) for row in fitted] == [1100.0, 600.0]
+    assert [float(row["fitted"]) for row in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
+    written = {"table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml", "table-summary.json"}
+    assert {file.name for file in tmp_path.iterdir()} == written
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
     """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing else is changed."""
-    model = (recorded / "model.yaml").read_text()
     entries = "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
-    model = re.sub("  - .*\n  - .*\n", entries, model)
+    model = re.sub("  - .*\n  - .*\n", entries, MODEL)
     model = re.sub("damping: .*", "damping: {modal: 4%}  # d", model)
     (recorded / "equal.yaml").write_text(model)
     monkeypatch.chdir(recorded)
-    asked = ("--recorded", "recorded.yaml")
+    floor = [line for line in RECORDED.splitlines() if not line.startswith("  roof:")]  # which has no noise
+    Path("first.yaml").write_text("\n".join(floor))
+    asked = ("--recorded", "first.yaml")
     tdint("compare", "equal.yaml", *asked, "--fit", "stiffness,damping", "-o", tmp_path / "out", code=0)
     file = tmp_path / "out" / "fitted.yaml"
     written = load_model(file)
@@ -131,28 +123,29 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
 
 def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path):
     """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the words."""
-    (recorded / "si.yaml").write_text((recorded / "model.yaml").read_text())
-    (recorded / "us.yaml").write_text((recorded / "model.yaml").read_text() + "output_units: kip, in, g\n")
-    compare = ("--recorded", recorded / "recorded.yaml", "--fit", "stiffness")
-    assert tdint("compare", recorded / "si.yaml", *compare, "-o", tmp_path / "si").exit_code == 0
-    given = tdint("compare", recorded / "si.yaml", *compare, "-o", tmp_path / "us", "--output-units", "kip,in,g")
-    named = tdint("compare", recorded / "us.yaml", *compare, "-o", tmp_path / "named")
-    assert given.stderr == named.stderr
-    assert " g; exact" in given.stderr and "stiffness_kip_in 1 " in given.stderr
+    (recorded / "named.yaml").write_text(MODEL + "output_units: kip, in, g\n")
+    roof = [line for line in RECORDED.splitlines() if not line.startswith("  1:")]  # a floor alone is fitted sooner
+    (recorded / "roof.yaml").write_text("\n".join(roof))
+    compare = ("--recorded", recorded / "roof.yaml", "--fit", "stiffness", "-o")
+    tdint("compare", recorded / "model.yaml", *compare, tmp_path / "si", code=0)
+    named = tdint("compare", recorded / "named.yaml", *compare, tmp_path / "us", code=0)
+    assert " g; exact" in named.stderr and "stiffness_kip_in 1 " in named.stderr
     for name, columns, factor in (
         ("spectra", ("computed_sa_m_s2", "recorded_sa_m_s2"), 9.80665),
         ("fit", ("start", "fitted", "standard_error"), 4448.2216152605 / 0.0254),
     ):
         si, us = (rows(tmp_path / units / f"{name}.csv") for units in ("si", "us"))
-        assert (tmp_path / "named" / f"{name}.csv").read_bytes() == (tmp_path / "us" / f"{name}.csv").read_bytes()
-        for one, other in zip(si, us, strict=True):
+        for row, other in zip(si, us, strict=True):
             for column in columns:
                 changed = float(other[column.replace("_m_s2", "_g")])
-                assert changed * factor == pytest.approx(float(one[column]), rel=1e-10)
-    assert [one["parameter"] for one in us] == ["stiffness_kip_in"] * 2
+                assert changed * factor == pytest.approx(float(row[column]), rel=1e-10)
+    assert [row["parameter"] for row in us] == ["stiffness_kip_in"] * 2
     told, plain = (json.loads((tmp_path / units / "summary.json").read_text()) for units in ("us", "si"))
     assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(plain["events"][0]["base"]["pga_m_s2"])
     assert [one["parameter"] for one in told["fit"]["values"]] == ["stiffness_kip_in"] * 2
+    given = ("--recorded", recorded / "roof.yaml", "--output-units", "kip,in,g", "-o", tmp_path / "given")
+    tdint("compare", recorded / "model.yaml", *given, code=0)
+    assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == ["computed_sa_g", "recorded_sa_g"]
 
 
 def test_every_fault_of_the_file_in_one_go(recorded, tdint):
@@ -188,7 +181,6 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--blind", "other.yaml"], 2, "--blind has nothing to act on without --fit"),
         (["--require", "corelation=1"], 2, "did you mean 'correlation'?"),
         (["--require", "correlation=much"], 2, "correlation must be a positive number"),
         (["--plot"], 2, "--plot alone puts the picture beside the output"),
@@ -198,8 +190,8 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
 )
 def test_wrong_use(recorded, tdint, arguments, code, message):
     filled = [argument.format(folder=recorded) for argument in arguments]
-    result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled, code=code)
-    assert message in result.stderr
+    words = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
+    assert message in tdint("compare", *words, code=code).stderr
 
 
 @pytest.mark.parametrize(
@@ -208,16 +200,11 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
         ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
         ("base: x.csv\n", "floors: is missing; give the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
-        (
-            "base: x.csv\nfloors: [x.csv]\n",
-            "floors: must be a mapping from floors (numbers from 1, or roof) to their files",
-        ),
+        ("base: x.csv\nfloors: [x.csv]\n", "floors: must be a mapping from floors (numbers from 1, or roof)"),
+        (None, "no such file; give a file of recordings (YAML)"),
     ],
 )
-def test_files_without_recordings(recorded, tdint, text, message):
-    (recorded / "other.yaml").write_text(text)
-    tdint.refused(message, "compare", recorded / "model.yaml", "--recorded", recorded / "other.yaml", code=3)
-    tdint.refused(
-        "no such file; give a file of recordings (YAML)", "compare", recorded / "model.yaml", "--recorded",
-        "nowhere.yaml", code=3,
-    )  # fmt: skip
+def test_files_without_recordings(recorded, tdint, tmp_path, text, message):
+    if text is not None:
+        (tmp_path / "other.yaml").write_text(text)
+    tdint.refused(message, "compare", recorded / "model.yaml", "--recorded", tmp_path / "other.yaml", code=3)

@@ -1,13 +1,10 @@
 """Tables at a terminal: drawn for reading there, CSV everywhere else."""
 
 import math
-import os
-import subprocess
-import sys
-from contextlib import suppress
 
 import pytest
 
+from cli.conftest import at_a_terminal
 from tdint.output.tables.table import Table
 from tdint_cli.drawing import draw, table_bytes
 
@@ -70,20 +67,9 @@ def test_values_without_a_number_and_texts_that_could_command_a_terminal():
 
 
 def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
-    import pty
-
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-c", "from tdint_cli.main import main; main()", "modes", "forced.yaml"]
-    process = subprocess.Popen(command, stdout=theirs, stderr=theirs)
-    os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # The end of a terminal is an error on Linux.
-        while piece := os.read(ours, 65536):
-            shown += piece
-    os.close(ours)
-    assert process.wait(timeout=60.0) == 0
+    shown, code = at_a_terminal("modes forced.yaml")
     piped = tdint("modes", "forced.yaml").stdout
-    assert piped.startswith("mode,period_s,frequency_hz,")
+    assert code == 0 and piped.startswith("mode,period_s,frequency_hz,")
     assert b"," not in shown
     first = float(piped.splitlines()[1].split(",")[1])
     assert f"{first:.5g}" in shown.decode().split()
@@ -104,6 +90,13 @@ def test_the_folder_of_all_files_stands_above_once():
     assert [line.split()[0] for line in text.splitlines()[3:]] == ["a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"]
     apart = [("here/x.at2", 1.0), ("there/x.at2", 2.0), ("x.at2", 3.0), ("y.at2", 4.0)]
     assert "in " not in draw(("record", "pga"), apart, 40)
+
+
+def test_a_few_rows_drawn_as_columns_keep_the_folder():
+    names = ("record", *(f"measure_{i}_m_s2" for i in range(8)))
+    text = draw(names, [(f"motions/{file}.at2", *range(8)) for file in "ab"], 40)
+    assert text.splitlines()[0] == "record: in motions/"
+    assert text.splitlines()[1].split() == ["record", "a.at2", "b.at2"]
 
 
 def test_errors_stand_in_percent_beside_what_they_are_errors_of():

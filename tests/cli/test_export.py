@@ -1,7 +1,5 @@
 """`tdint info --export`: processed motions as files, which read again are the same motions."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

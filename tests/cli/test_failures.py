@@ -7,16 +7,17 @@ from tdint.analysis.assessment.failures import problems, usual_methods
 from tdint_cli.commands.failures import command
 
 COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"
-SMALL = ("failures", "--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")
 
 
-@pytest.mark.parametrize("named", [["large-step"], pytest.param([], marks=pytest.mark.slow)], ids=["one", "all"])
+@pytest.mark.parametrize("named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"])
 def test_problems_with_the_usual_methods(here, tdint, named):
-    result = tdint("failures", "--plot", "who.png", *(word for name in named for word in ("--problem", name)), code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
-    table = rows(result.stdout)
-    assert "nan" not in result.stdout and "inf," not in result.stdout
-    asked = {name: problem for name, problem in problems().items() if not named or name in named}
+    words = ("--problem", named) if named else ()
+    result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *words, code=0)
+    text = (here / "who.csv").read_text()
+    assert text.splitlines()[0] == COLUMNS and result.stdout == ""
+    table = rows(text)
+    assert "nan" not in text and "inf," not in text
+    asked = {name: problem for name, problem in problems().items() if name == (named or name)}
     assert list(dict.fromkeys(row["problem"] for row in table)) == list(asked)
     labels = [integrator.label for integrator in usual_methods()]
     assert {"impulse4:rho_inf=0.0", "wilson:theta=1.3", "chang"} < set(labels)
@@ -27,21 +28,16 @@ def test_problems_with_the_usual_methods(here, tdint, named):
     assert [line.split()[0] for line in said[2:]] == labels
 
 
-def test_chosen_methods_and_problems(tdint):
-    table = rows(tdint(*SMALL, code=0).stdout)
+def test_chosen_methods_and_problems(here, tdint):
+    chosen = ("--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")
+    table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
+    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
         ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
     ]  # fmt: skip
     refused = table[3]
     assert (refused["method"], refused["outcome"], refused["verdict"]) == ("exact", "refused", "refused")
     assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == ("", "", "")
-
-
-def test_table_and_picture(here, tdint):
-    table = tdint(*SMALL).stdout
-    assert tdint(*SMALL, "-o", "x.csv", "--plot", "x.pdf", code=0).stdout == ""
-    assert (here / "x.csv").read_text() == table
-    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.parametrize(

@@ -14,36 +14,33 @@ from tdint_cli.options.analysis import _specifications
 from tdint_cli.options.grammar import BESIDE, with_named_files
 
 
-def column(text: str, name: str) -> list[float]:
-    return list(dict.fromkeys(float(row[name]) for row in rows(text)))
-
-
 @pytest.mark.parametrize(
-    "arguments",
+    ("line", "count", "values"),
     [
-        ["--damping", "2%,5%", "--period", "0.2,1"],
-        ["--damping", "0.02", "--damping", "5 %", "--period", "0.2", "--period", "1"],
-        ["--damping", "0.02,0.05,2%", "--period", "0.2,1,0.2"],
+        ("spectrum other.mseed --damping 2%,5% --period 0.2,1", 4, {"damping": [0.02, 0.05], "period_s": [0.2, 1.0]}),
+        ("spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1", 4, {"damping": [0.02, 0.05]}),
+        ("spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2", 4, {"period_s": [0.2, 1.0]}),
+        ("spectrum other.mseed --periods 0.5", 1, {"period_s": [0.5]}),
+        # One amplitude after the other, the first one again at the end.
+        ("law forced.yaml --drift 1%,20mm --drift 1% --points 1", 1 + 3 * 4, {}),
+        (
+            "stability --method newmark:beta=0.25,gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%",
+            4,
+            {"damping": [0, 0.05]},
+        ),
+        (
+            "spectrum other.mseed --period 1 --strength 10%,0.2 --hardening 3%",
+            2,
+            {"yield_strength_ratio": [0.1, 0.2], "hardening": [0.03]},
+        ),
     ],
 )
-def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, arguments):
-    result = tdint("spectrum", "other.mseed", *arguments, code=0)
-    assert column(result.stdout, "damping") == [0.02, 0.05]
-    assert column(result.stdout, "period_s") == [0.2, 1.0]
-    assert len(rows(result.stdout)) == 4
-
-
-def test_every_list_takes_commas(folder, tdint):
-    law = tdint("law", "forced.yaml", "--drift", "1%,20mm", "--drift", "1%", "--points", "1", code=0)
-    assert len(rows(law.stdout)) == 1 + 3 * 4  # One amplitude after the other, the first one again at the end.
-    stable = tdint(
-        "stability", "--method", "newmark:beta=0.25,gamma=0.5,hht", "--dt-over-t", "0.1", "--damping", "0,5%"
-    )
-    assert column(stable.stdout, "damping") == [0.0, 0.05]
-    assert len({row["method"] for row in rows(stable.stdout)}) == 2
-    strong = tdint("spectrum", "other.mseed", "--period", "1", "--strength", "10%,0.2", "--hardening", "3%")
-    assert column(strong.stdout, "yield_strength_ratio") == [0.1, 0.2]
-    assert column(strong.stdout, "hardening") == [0.03]
+def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, line, count, values):
+    """And a grid may be a single number."""
+    table = rows(tdint(*line.split(), code=0).stdout)
+    assert len(table) == count
+    for name, expected in values.items():
+        assert list(dict.fromkeys(float(row[name]) for row in table)) == expected
 
 
 def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
@@ -73,11 +70,6 @@ def test_a_wrong_value_is_told_with_what_would_be_right(folder, tdint, arguments
     tdint.refused(message, "spectrum", "other.mseed", *arguments)
 
 
-def test_a_grid_may_be_a_single_number(folder, tdint):
-    one = tdint("spectrum", "other.mseed", "--periods", "0.5")
-    assert one.stdout == tdint("spectrum", "other.mseed", "--period", "0.5").stdout
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
@@ -98,26 +90,31 @@ def test_the_word_behind_plot_is_its_file_if_it_names_a_picture(line, expected):
     assert with_named_files(line.split()) == expected
 
 
-def test_an_empty_word_behind_plot_is_a_name_that_is_missing(folder, tdint):
+def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
     assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
-    result = tdint("info", "--plot", "", "other.mseed")
-    assert (result.exit_code, result.stderr) == (2, "Error: --plot is empty; give a name\n")
+    assert tdint("info", "--plot", "", "other.mseed", code=2).stderr == "Error: --plot is empty; give a name\n"
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
-    assert tdint("info", "--plot", "other.mseed", "-o", "a/info.csv").exit_code == 0
+    """In folders that are made."""
+    for line in (
+        "info --plot other.mseed -o a/info.csv",
+        "spectrum --period 1 other.mseed motion.mseed --plot b/all.svg",
+        "spectrum --period 1 other.mseed motion.mseed --plot -o c/",
+        "run forced.yaml --plot -o d/deep",
+        "run forced.yaml --plot=e/f.pdf",
+    ):
+        tdint(*line.split(), code=0)
     assert sorted(path.name for path in (folder / "a").iterdir()) == ["info.csv", "info.json", "info.png"]
-    spectrum = ("spectrum", "--period", "1", "other.mseed", "motion.mseed")
-    assert tdint(*spectrum, "--plot", "b/all.svg").exit_code == 0
-    assert tdint(*spectrum, "--plot", "-o", "c/").exit_code == 0
-    assert tdint("run", "forced.yaml", "--plot", "-o", "d").exit_code == 0
-    assert tdint("run", "forced.yaml", "--plot=e/f.pdf").exit_code == 0
-    found = sorted(
-        str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".png", ".svg", ".pdf")
-    )
-    assert found == ["a/info.png", "b/all.svg", "c/motion.png", "c/other.png", "d/response.png", "e/f.pdf"]
-    assert (folder / "b" / "all.svg").read_text().startswith("<?xml")
-    assert (folder / "e" / "f.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "d/deep/summary.json").is_file()
+    pictures = {
+        path.relative_to(folder).as_posix(): path.read_bytes().decode()
+        for suffix in ("png", "svg", "pdf")
+        for path in folder.rglob(f"*.{suffix}")
+    }
+    names = ["a/info.png", "b/all.svg", "c/motion.png", "c/other.png", "d/deep/response.png", "e/f.pdf"]
+    assert pictures == {name: f"a picture as {name.rpartition('.')[2]}" for name in names}
 
 
 @pytest.mark.parametrize(
@@ -138,83 +135,58 @@ def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, argu
     assert sorted(folder.iterdir()) == before
 
 
+PARAMETERS = {
+    name: import_module(f"tdint_cli.commands.{module}").command.params for name, (module, _) in COMMANDS.items()
+}
 TABLES = [
     name
-    for name in COMMANDS
-    for option in import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command.params
+    for name, parameters in PARAMETERS.items()
+    for option in parameters
     if option.name == "output" and "FILE" in option.metavar.split("|")
 ]
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_table_is_a_file_with_a_suffix(tmp_path, monkeypatch, tdint, name):
+def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
     """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
-    monkeypatch.chdir(tmp_path)
     words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
-    result = tdint(name, *words, "-o", "sp")
     folder = "; sp/ is a folder" if "spectrum" in name else ""
     expected = f"Error: -o sp: a table is a file, sp.csv or sp.csv.gz{folder}; -o - is standard output"
-    assert (result.exit_code, result.stderr.partition(" (see")[0].strip()) == (2, expected)
-    assert not list(tmp_path.iterdir())
+    assert tdint(name, *words, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
+    assert not list(here.iterdir())
 
 
-def test_output_folders_are_made(folder, tdint):
-    assert tdint("modes", "forced.yaml").exit_code == 0
-    assert tdint("run", "forced.yaml", "-o", "new/deep/run").exit_code == 0
-    assert tdint("spectrum", "other.mseed", "--period", "1", "-o", "new/spectra/x.csv").exit_code == 0
-    assert tdint("stability", "--method", "hht", "--dt-over-t", "0.1", "-o", "more/s.csv").exit_code == 0
-    for file in ("new/deep/run/summary.json", "new/spectra/x.json", "more/s.csv"):
-        assert (folder / file).is_file()
-
-
-def test_a_record_behind_the_model_is_that_of_the_option(folder, tdint):
-    named = tdint("run", "shaken.yaml", "--record", "other.mseed")
-    behind = tdint("run", "shaken.yaml", "other.mseed")
-    assert (behind.exit_code, behind.stdout, named.exit_code) == (0, named.stdout, 0)
-    assert behind.stdout != tdint("run", "shaken.yaml").stdout
-
-
-def test_model_or_record_may_be_standard_input(folder, tdint):
-    expected = tdint("run", "shaken.yaml", "other.mseed").stdout
-    record = tdint("run", "shaken.yaml", "-", stdin=(folder / "other.mseed").read_bytes())
-    assert (record.exit_code, record.stdout) == (0, expected), record.stderr
-    model = tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes())
-    assert (model.exit_code, model.stdout) == (0, expected), model.stderr
+def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder, tdint):
+    """A record behind the model is that of the option."""
+    expected = tdint("run", "shaken.yaml", "other.mseed", code=0).stdout
+    assert tdint("run", "shaken.yaml", "--record", "other.mseed").stdout == expected
+    assert tdint("run", "shaken.yaml").stdout != expected
+    assert tdint("run", "shaken.yaml", "-", stdin=(folder / "other.mseed").read_bytes()).stdout == expected
+    assert tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes()).stdout == expected
     tdint.refused("standard input already holds the model", "run", "-", "-", stdin=b"")
 
 
-@pytest.mark.parametrize("place", ["before", "after"])
-def test_quiet_silences_words_and_no_data(folder, tdint, place):
+def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):
     loud = tdint("run", "forced.yaml")
-    quiet = tdint(*(("-q", "run", "forced.yaml") if place == "before" else ("run", "forced.yaml", "--quiet")))
-    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, loud.stdout, "")
     assert "Largest" in loud.stderr
-
-
-def test_quiet_silences_no_error(folder, tdint):
-    result = tdint("-q", "run", "missing.yaml")
-    assert (result.exit_code, result.stderr) == (3, tdint("run", "missing.yaml").stderr)
-
-
-def options_of(name: str) -> list[click.Option]:
-    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
-    return [parameter for parameter in command.params if isinstance(parameter, click.Option)]
+    for words in (("-q", "run", "forced.yaml"), ("run", "forced.yaml", "--quiet")):
+        quiet = tdint(*words, code=0)
+        assert (quiet.stdout, quiet.stderr) == (loud.stdout, "")
+    assert tdint("-q", "run", "missing.yaml", code=3).stderr == tdint("run", "missing.yaml").stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_options_stand_under_headings(name, tdint):
+    """What several commands have stands under the same one."""
     text = tdint(name, "--help-all").stdout
     places = [text.index(f"\n{heading}:\n") for heading in grammar.ORDER if f"\n{heading}:\n" in text]
     assert places == sorted(places)
     assert "\nGeneral:\n" in text
-    assert all(isinstance(option, grammar.HeadedOption) for option in options_of(name))
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_what_several_commands_have_stands_under_the_same_heading(name):
     shared = {"component": "Record", "inventory": "Record", "output": "Output", "plot": "Output", "overwrite": "Output"}
-    for option in options_of(name):
-        assert option.heading == shared.get(option.name, option.heading)
+    for option in PARAMETERS[name]:
+        if isinstance(option, click.Option):
+            assert isinstance(option, grammar.HeadedOption)
+            assert option.heading == shared.get(option.name, option.heading)
 
 
 def test_commands_stand_in_groups(tdint):
@@ -227,10 +199,7 @@ def test_commands_stand_in_groups(tdint):
 # ---- Options that act on what another one asks for
 
 NEEDY = [
-    (name, parameter)
-    for name, (module, _) in COMMANDS.items()
-    for parameter in import_module(f"tdint_cli.commands.{module}").command.params
-    if getattr(parameter, "needs", "")
+    (name, option) for name, parameters in PARAMETERS.items() for option in parameters if getattr(option, "needs", "")
 ]
 WORDS = {
     "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "examples": [], "overshoot": [],
@@ -250,12 +219,11 @@ def a_value(parameter: click.Option) -> list[str]:
 
 
 @pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))
-def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdint, name, parameter):
+def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, parameter):
     """Before any work: the files that are named do not exist. With what it needs the command goes on, and misses them.
 
     `--damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
     """
-    monkeypatch.chdir(tmp_path)
     option = max(parameter.opts, key=len)
     inputs = [] if parameter.needs == "RECORD" else WORDS.get(name, ["x.csv"])
     words = [name, *inputs, *REQUIRED.get(name, [])]
@@ -265,11 +233,10 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
         "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985", "--damping": "0.1",
         "--hardening": "0.1", "--style": "90mm", "--report-head": "Project: bridge", "--pairs": "{}_N.txt,{}_E.txt",
     }.get(option)  # fmt: skip
-    asked = [*words, option, *([value] if value else a_value(parameter))]
-    result = tdint(*asked)
+    result = tdint(*words, option, *([value] if value else a_value(parameter)), code=2)
     expected = f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave {option} out"
-    assert (result.exit_code, result.stderr.partition(" (see")[0].strip()) == (2, expected)
-    assert not list(tmp_path.iterdir())
+    assert result.stderr.partition(" (see")[0].strip() == expected
+    assert not list(here.iterdir())
 
 
 def test_options_that_act_are_declared_so():
@@ -288,15 +255,15 @@ def test_options_that_act_are_declared_so():
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    "line",
     [
-        ["run", "forced.yaml", "--history=h.csv", "--every", "1"],
-        ["compile", "forced.yaml", "--method", "newmark-average", "--show"],
-        ["spectrum", "other.mseed", "--period", "1", "--ductility", "2", "--hardening", "0"],
+        "run forced.yaml --history=h.csv --every 1",
+        "compile forced.yaml --method newmark-average --show",
+        "spectrum other.mseed --period 1 --ductility 2 --hardening 0",
     ],
 )
-def test_with_it_an_option_is_taken(folder, tdint, arguments):
-    assert tdint(*arguments).exit_code == 0
+def test_with_it_an_option_is_taken(folder, tdint, line):
+    tdint(*line.split(), code=0)
 
 
 # ---- Modes of a command, and the options that each takes
@@ -307,42 +274,42 @@ MODES = {
     if (modes := getattr(import_module(f"tdint_cli.commands.{module}"), "MODES", ()))
 }
 ASKED = {
-    ("spectrum", "without RECORD"): ["--target", "ec8:type=1,soil=B,ag=0.25g"],
-    ("spectrum", "with elastic spectra"): ["x"],
-    ("spectrum", "with --ductility or --strength"): ["x", "--ductility", "2", "--strength", "1"],
-    ("spectrum", "with --fourier"): ["x", "--fourier"],
-    ("spectrum", "with --oscillator"): ["x", "--oscillator", "1", "--history"],
-    ("spectrum", "with --rotd"): ["x", "--rotd", "50"],
-    ("spectrum", "with --against"): ["x", "--against", "y"],
-    ("chart", "with one building"): ["x"],
-    ("chart", "with --stories"): ["x", "--stories", "2"],
-    ("chart", "with many problems"): ["x", "y"],
-    ("chart", "with --problems"): ["--problems", "standard"],
-    ("run", "with a single run"): ["x", "y"],
-    ("run", "with --sequence"): ["x", "y", "z", "--sequence"],
-    ("run", "with several runs"): ["x", "y", "--factors", "z"],
-    ("campaign", "with `tdint campaign CAMPAIGN.yaml`"): ["x"],
-    ("campaign", "with `tdint campaign status`"): ["status", "x"],
-    ("campaign", "with `tdint campaign export`"): ["export", "x"],
-    ("campaign", "with `tdint campaign merge`"): ["merge", "x"],
-    ("check", "with models"): ["x"],
-    ("check", "with --schema"): ["--schema", "model"],
-    ("check", "with --plugin alone"): ["--plugin", "empty.py"],
-    ("compile", ""): ["x"],
-    ("compile", "with --show"): ["x", "--show"],
-    ("compile", "with --clean alone"): ["--clean"],
-    ("fragility", "with a single measure"): ["x", "--im", "sa"],
-    ("fragility", "with several measures (--im), which are compared"): ["x", "--im", "sa,pga"],
-    ("init", "without --weights and --type"): [],
-    ("init", "with --weights"): ["--weights", "1,1"],
-    ("init", "with --from-pushover"): ["--weights", "1,1", "--from-pushover", "x"],
-    ("init", "with --type"): ["--type", "C1"],
-    ("law", "without --path"): ["x", "--drift", "1%"],
-    ("law", "with --path, which has every drift"): ["x", "--path", "y"],
-    ("modes", "without --target"): ["x"],
-    ("modes", "with --target"): ["x", "--target", "y"],
-    ("sensitivity", "with a model"): ["x"],
-    ("sensitivity", "with the folder of a campaign, which has its records and its sweep"): ["folder"],
+    ("spectrum", "without RECORD"): "--target ec8:type=1,soil=B,ag=0.25g",
+    ("spectrum", "with elastic spectra"): "x",
+    ("spectrum", "with --ductility or --strength"): "x --ductility 2 --strength 1",
+    ("spectrum", "with --fourier"): "x --fourier",
+    ("spectrum", "with --oscillator"): "x --oscillator 1 --history",
+    ("spectrum", "with --rotd"): "x --rotd 50",
+    ("spectrum", "with --against"): "x --against y",
+    ("chart", "with one building"): "x",
+    ("chart", "with --stories"): "x --stories 2",
+    ("chart", "with many problems"): "x y",
+    ("chart", "with --problems"): "--problems standard",
+    ("run", "with a single run"): "x y",
+    ("run", "with --sequence"): "x y z --sequence",
+    ("run", "with several runs"): "x y --factors z",
+    ("campaign", "with `tdint campaign CAMPAIGN.yaml`"): "x",
+    ("campaign", "with `tdint campaign status`"): "status x",
+    ("campaign", "with `tdint campaign export`"): "export x",
+    ("campaign", "with `tdint campaign merge`"): "merge x",
+    ("check", "with models"): "x",
+    ("check", "with --schema"): "--schema model",
+    ("check", "with --plugin alone"): "--plugin empty.py",
+    ("compile", ""): "x",
+    ("compile", "with --show"): "x --show",
+    ("compile", "with --clean alone"): "--clean",
+    ("fragility", "with a single measure"): "x --im sa",
+    ("fragility", "with several measures (--im), which are compared"): "x --im sa,pga",
+    ("init", "without --weights and --type"): "",
+    ("init", "with --weights"): "--weights 1,1",
+    ("init", "with --from-pushover"): "--weights 1,1 --from-pushover x",
+    ("init", "with --type"): "--type C1",
+    ("law", "without --path"): "x --drift 1%",
+    ("law", "with --path, which has every drift"): "x --path y",
+    ("modes", "without --target"): "x",
+    ("modes", "with --target"): "x --target y",
+    ("sensitivity", "with a model"): "x",
+    ("sensitivity", "with the folder of a campaign, which has its records and its sweep"): "folder",
 }
 """The words that ask for a mode."""
 
@@ -359,12 +326,11 @@ VALUES = {
 
 def idle_options():
     for name, modes in MODES.items():
-        command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
         taken = frozenset().union(*(mode.takes for mode in modes))
-        choosing = {word for mode in modes for word in ASKED[name, mode.words] if word.startswith("--")}
+        choosing = {word for mode in modes for word in ASKED[name, mode.words].split() if word.startswith("--")}
         for mode in modes:
-            words = ASKED[name, mode.words]
-            for parameter in command.params:
+            words = ASKED[name, mode.words].split()
+            for parameter in PARAMETERS[name]:
                 option = max(parameter.opts, key=len)
                 is_idle = parameter.name in taken - mode.takes and isinstance(parameter, click.Option)
                 asks_for_another = option in choosing and not choosing.intersection(words)
@@ -373,45 +339,41 @@ def idle_options():
 
 
 @pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
-def test_an_option_that_a_mode_does_not_take_is_refused(tmp_path, monkeypatch, tdint, name, mode, parameter, chooses):
+def test_an_option_that_a_mode_does_not_take_is_refused(here, tdint, name, mode, parameter, chooses):
     """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status DIR --baseline A`
     were passed over in silence."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "empty.py").write_text("METHODS = ()\n")
+    (here / "folder").mkdir()
+    (here / "empty.py").write_text("METHODS = ()\n")
     option = max(parameter.opts, key=len)
     value = VALUES[option].split() if option in VALUES else a_value(parameter)
     typed = value if value and value[0].startswith(option) else [option, *value]
-    result = tdint(name, *ASKED[name, mode.words], *typed)
+    result = tdint(name, *ASKED[name, mode.words].split(), *typed)
     advice = mode.advice.get(parameter.name, f"leave {option} out")
     expected = f"Error: {option} has nothing to act on {mode.words}; {advice}"
     # Of two options that ask for a mode each, or are given together here, either is refused.
     text = " has nothing to act on with" if chooses or len(value) > 1 else expected
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
     assert text in result.stderr
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(here.iterdir())) == 2
 
 
-def test_modes_name_parameters_of_their_command():
-    for name, modes in MODES.items():
-        command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
-        parameters = {parameter.name for parameter in command.params}
-        assert [mode.words for mode in modes if not parameters.issuperset(mode.takes | set(mode.advice))] == []
-        assert {words for command, words in ASKED if command == name} == {mode.words for mode in modes}
+@pytest.mark.parametrize("name", MODES)
+def test_modes_name_parameters_of_their_command(name):
+    parameters = {parameter.name for parameter in PARAMETERS[name]}
+    assert [mode.words for mode in MODES[name] if not parameters.issuperset(mode.takes | set(mode.advice))] == []
+    assert {words for command, words in ASKED if command == name} == {mode.words for mode in MODES[name]}
 
 
 def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
-    tdint.refused(
-        "--pairs needs a value, and -q is an option", "scale", "motion.mseed", "--pairs", "-q", "--pga", "0.3g"
-    )
-    assert tdint("scale", "motion.mseed", "--units", "m/s^2", "--pga", "0.3g", "-q").exit_code == 0
+    words = ("scale", "motion.mseed", "--pga", "0.3g")
+    tdint.refused("--pairs needs a value, and -q is an option", *words, "--pairs", "-q")
+    tdint(*words, "--units", "m/s^2", "-q", code=0)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_options_of_before_name_what_does_their_work(name, tdint):
     """Where the command has that; elsewhere there was none."""
-    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
-    own = {flag for option in command.params for flag in option.opts}
+    own = {flag for option in PARAMETERS[name] for flag in option.opts}
     for before, (now, _) in grammar._FORMER.items():
         assert before not in own
         said = tdint(name, before, "90mm", code=2).stderr.splitlines()

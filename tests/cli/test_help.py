@@ -1,7 +1,6 @@
 """Help in two levels: what most people type on one screen, everything behind --help-all."""
 
 import shlex
-from importlib import import_module
 from pathlib import Path
 
 import click
@@ -27,7 +26,7 @@ floors:
 
 
 def command_of(name):
-    return import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    return cli.get_command(click.Context(cli), name)
 
 
 def screen(*words):
@@ -38,27 +37,22 @@ def screen(*words):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_one_screen_and_help_all_everything(name):
+def test_help_has_one_screen_and_help_all_and_completion_everything(name):
     command, short, long = command_of(name), screen(name, "--help"), screen(name, "--help-all")
     options = [option for option in command.params if isinstance(option, click.Option)]
-    common = [option for option in options if option.common]
-    assert len(short.splitlines()) <= LINES and len(common) <= COMMON
+    assert len(short.splitlines()) <= LINES and sum(option.common for option in options) <= COMMON
+    assert short.startswith(f"Usage: tdint {name} [OPTIONS]")
+    completed = {item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions([name], "--")}
     for option in options:
         flag = max(option.opts, key=len)
         assert f"{flag} " in long or f"{flag}\n" in long
         assert (f"  {flag}" in short or f", {flag}" in short) == option.common, flag
+        assert {flag for flag in option.opts if flag.startswith("--")} <= completed
     assert short.splitlines()[-1] == f"  All options, and more of what it does: tdint {name} --help-all"
     assert len(command.examples) == 2 and all(example in short for example in command.examples)
     assert all(f"\n  {code}  {meaning}" in short for code, meaning in command.exits.items())
     # The whole is no less than it was: every paragraph of what the command does.
     assert "".join(command.help.split()) in "".join(long.split())
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_completion_knows_what_help_leaves_out(name):
-    completed = {item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions([name], "--")}
-    options = [option for option in command_of(name).params if isinstance(option, click.Option)]
-    assert {flag for option in options for flag in option.opts if flag.startswith("--")} <= completed
 
 
 @pytest.fixture(scope="module")
@@ -72,16 +66,20 @@ def office(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS]
+)
 def test_examples_run(name, office, monkeypatch, tdint):
+    """Of `tdint examples` test_examples.py runs nearly the same lines."""
     monkeypatch.chdir(office)
     if not Path("office.yaml").exists():
-        assert tdint("init", "office.yaml", "--stories", "5", "--period", "0.8").exit_code == 0
-        assert tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed").exit_code == 0
+        tdint("init", "office.yaml", "--stories", "5", "--period", "0.8", code=0)
+        tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
     for written in Path().glob("loop.*") if name == "law" else ():  # by what is there for `rerun`, in whatever order
         written.unlink()
     if name == "rerun" and not Path("loop.json").exists():
-        assert tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv").exit_code == 0
+        tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv", code=0)
     for example in command_of(name).examples:
         _, *words = shlex.split(example)
         assert words[0] == name

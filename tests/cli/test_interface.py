@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import tdint as package
+from csv_rows import rows
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.output.tables.table import cell_text
 from tdint_cli.main import COMMANDS
@@ -40,12 +41,12 @@ def motion(**more):
 
 def same(result, printed):
     """Whether columns are those of CSV, to its digits."""
-    header, *rows = csv.reader(io.StringIO(printed))
+    header, *lines = csv.reader(io.StringIO(printed))
     assert list(result) == header
-    for name, cells in zip(header, zip(*rows, strict=True), strict=True):
+    for name, cells in zip(header, zip(*lines, strict=True), strict=True):
         values = result[name]
         if isinstance(values, list):
-            assert [cell_text(one) for one in values] == list(cells), name
+            assert [cell_text(value) for value in values] == list(cells), name
         else:
             expected = [float(cell) if cell else np.nan for cell in cells]
             np.testing.assert_allclose(values, expected, rtol=1e-11, atol=1e-300, err_msg=name)
@@ -97,21 +98,18 @@ def test_functions_give_what_commands_print(name, study, tdint):
 
 def test_the_examples_and_the_chart(study, tdint):
     """Ranks and times are of a whole table, and of a clock."""
-    found = package.to_dict(package.paper_examples([1], ["newmark-linear", "wilson"]))
-    same(found, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
-    chart = package.chart("shaken.yaml", motion(), methods=["impulse4", "newmark-average"], dts=[0.01], repeats=1)
-    told = chart.to_dict()
-    printed = tdint(
-        "chart", "shaken.yaml", *MOTION, "--method", "impulse4,newmark-average", "--dt", "0.01", "--repeat", "1"
-    )
-    rows = list(csv.DictReader(io.StringIO(printed.stdout)))
-    assert [row["method"] for row in rows] == told["method"]
-    np.testing.assert_allclose([float(row["drift_error"]) for row in rows], told["drift_error"], rtol=1e-11)
+    examples = package.to_dict(package.paper_examples([1], ["newmark-linear", "wilson"]))
+    same(examples, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
+    methods = ["impulse4", "newmark-average"]
+    chart = package.chart("shaken.yaml", motion(), methods=methods, dts=[0.01], repeats=1).to_dict()
+    words = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
+    table = rows(tdint("chart", "shaken.yaml", *MOTION, *words).stdout)
+    assert [row["method"] for row in table] == chart["method"]
+    np.testing.assert_allclose([float(row["drift_error"]) for row in table], chart["drift_error"], rtol=1e-11)
 
 
-def test_a_first_model_and_its_loops(study, tdint):
-    text = package.first_model(3, period=0.4)
-    model = package.load_model(io.StringIO(text))
+def test_a_first_model_and_its_loops():
+    model = package.load_model(io.StringIO(package.first_model(3, period=0.4)))
     assert 2.0 * np.pi / package.modes(model).omega[0] == pytest.approx(0.4, rel=1e-8)
     package.compile_model(model)
     assert package.compile_model(model) == []  # all of it is there now
@@ -136,20 +134,21 @@ def test_every_command_has_its_function_and_help_lists_them():
 
 
 def test_importing_loads_nothing():
-    code = "import sys, tdint; tdint.run; print([m for m in ('numpy', 'matplotlib', 'click') if m in sys.modules])"
-    first = subprocess.run([sys.executable, "-c", code.replace("tdint.run; ", "")], capture_output=True, text=True)
-    assert first.stdout.strip() == "[]"
-    second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "matplotlib" not in second.stdout and "click" not in second.stdout
+    """And a function no more than its own: `run` neither pictures nor the command line."""
+    code = (
+        "import sys, tdint\nloaded = lambda: [m for m in ('numpy', 'matplotlib', 'click') if m in sys.modules]\n"
+        "print(loaded()); tdint.run; print(loaded())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["[]", "['numpy']"]
 
 
 def test_a_campaign_goes_on_where_it_stopped(study):
     half = package.campaign("campaign.yaml", "kept", max_runs=1, jobs=1)
     whole = package.campaign("campaign.yaml", "kept", jobs=2)
     assert sum(half.statuses.values()) <= sum(whole.statuses.values()) == whole.asked == 4
-    np.testing.assert_array_equal(
-        whole.to_dict()["peak_drift_m"], package.campaign("campaign.yaml").to_dict()["peak_drift_m"]
-    )
+    at_once = package.campaign("campaign.yaml").to_dict()
+    np.testing.assert_array_equal(whole.to_dict()["peak_drift_m"], at_once["peak_drift_m"])
 
 
 @pytest.mark.parametrize(

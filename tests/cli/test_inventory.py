@@ -16,21 +16,17 @@ BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\n
 
 
 def test_a_table_of_buildings_and_their_models(folder, tdint):
-    result = tdint("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models")
-    assert (result.exit_code, result.stdout.splitlines()[0]) == (0, COLUMNS)
+    result = tdint("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models", code=0)
+    assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [row["story"] for row in table if row["id"] == "town-hall"] == ["1", "2", "3"]
     assert {row["id"]: row["hazus_type"] for row in table}["tower"] == "S1H"
     assert result.stderr == "4 of 4 buildings by the rules mdof-lu.\n"
-    assert sorted(path.name for path in Path("models").iterdir()) == [
-        "house.yaml", "school.yaml", "tower.yaml", "town-hall.yaml",
-    ]  # fmt: skip
+    assert {path.stem for path in Path("models").iterdir()} == {"house", "school", "tower", "town-hall"}
     period = next(row["period_shear_beam_s"] for row in table if row["id"] == "school")
     assert rows(tdint("modes", "models/school.yaml").stdout)[0]["period_s"] == period
-    ran = tdint(
-        "run", "models/school.yaml", "--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2", code=0
-    )
-    assert "energy error" in ran.stderr
+    motion = ("--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    assert "energy error" in tdint("run", "models/school.yaml", *motion, code=0).stderr
 
 
 def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
@@ -72,13 +68,12 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
 
 def test_a_pushover(folder, tdint):
     """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
-    result = tdint(
-        "pushover", "shaken.yaml", "--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv", code=0
-    )
+    words = ("--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv", "--plot=x.pdf")
+    result = tdint("pushover", "shaken.yaml", *words, code=0)
     table = rows(folder / "p.csv")
-    assert list(table[0]) == [
-        "step", "roof_displacement_m", "roof_drift_ratio", "base_shear_N", "story_1_drift_m", "story_2_drift_m",
-    ]  # fmt: skip
+    assert ",".join(table[0]) == (
+        "step,roof_displacement_m,roof_drift_ratio,base_shear_N,story_1_drift_m,story_2_drift_m"
+    )
     assert [float(row["roof_displacement_m"]) for row in table] == pytest.approx([0.075 * i / 8 for i in range(9)])
     first, last = table[1], table[-1]
     assert float(first["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
@@ -87,34 +82,30 @@ def test_a_pushover(folder, tdint):
     shear = (0.075 + 50.0 / 800.0 - 50.0 / 8000.0) / (1.0 / 800.0 + 0.5 / 8000.0)
     assert float(last["base_shear_N"]) == pytest.approx(shear, rel=1e-9)
     assert result.stderr.startswith("shaken, uniform pattern: largest base shear ")
+    assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
     """The table has what Python has; a row per method and story, and a sentence of each method."""
-    frame = CONFIGS / "kaikoura-frame.yaml"
-    result = tdint("pushover", frame, "--target", "ec8:type=1,soil=C,ag=0.35g", "--plot=t.png", code=0)
+    target = "ec8:type=1,soil=C,ag=0.05g"
+    result = tdint("pushover", "shaken.yaml", "--target", target, "--plot=t.png", code=0)
     table = rows(result.stdout)
-    made = target_displacements(pushover(frame, "4%"), "ec8:type=1,soil=C,ag=0.35g")
+    made = target_displacements(pushover("shaken.yaml", "4%"), target)
     assert [(row["method"], row["story"]) for row in table] == [
-        (method, str(story)) for method in ("n2", "coefficients") for story in range(1, 7)
+        (method, story) for method in ("n2", "coefficients") for story in ("1", "2")
     ]
-    roofs = [float(row["roof_displacement_m"]) for row in table[::6]]
+    roofs = [float(row["roof_displacement_m"]) for row in table[::2]]
     assert roofs == pytest.approx([each.roof_displacement for each in made], rel=1e-11)
     assert f"n2: the roof at {roofs[0]:.4g} m" in result.stderr
-    assert (folder / "t.png").stat().st_size > 10_000
+    assert (folder / "t.png").exists()
 
 
 def test_a_target_beyond_the_curve_is_refused(folder, tdint):
-    arguments = ("--target", "ec8:type=1,soil=C,ag=0.9g", "-o", "t.csv")
+    arguments = ("--target", "ec8:type=1,soil=C,ag=0.9g", "--points", "20", "-o", "t.csv")
     result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", *arguments, code=5)
     assert "the curve ends there: the building carries nothing any more" in result.stderr
     assert not (folder / "t.csv").exists()
-
-
-def test_the_picture_of_a_pushover(folder, tdint):
-    result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", "--points", "20", "--plot=x.pdf", code=0)
-    assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
-    assert "the building carries nothing any more" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -131,22 +122,19 @@ def test_what_a_pushover_refuses(folder, tdint, arguments, code, message):
     tdint.refused(message, "pushover", *arguments, code=code)
 
 
-def test_of_many_faults_the_first_ten_and_their_number_are_shown(tdint, tmp_path) -> None:
-    rows = "".join(f"{i},x,1985,C1,400\n" for i in range(1000))
-    file = tmp_path / "many.csv"
-    file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n" + rows)
-    result = tdint("inventory", file, "--units", "m")
-    lines = [line for line in result.stderr.splitlines() if line.startswith("Error")]
-    assert (result.exit_code, len(lines)) == (3, 11)
-    assert lines[-1].endswith("and 990 more faults, 1000 in all")
+def test_of_many_faults_the_first_ten_and_their_number_are_shown(folder, tdint):
+    (folder / "many.csv").write_text(BAD.partition("\n")[0] + "\n" + "a,x,1985,C1,400\n" * 100)
+    lines = tdint("inventory", "many.csv", "--units", "m", code=3).stderr.splitlines()
+    errors = [line for line in lines if line.startswith("Error")]
+    assert len(errors) == 11 and errors[-1].endswith("and 90 more faults, 100 in all")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_modes_under_a_design_spectrum(folder, tdint):
-    """The rows of Python, and an option that has nothing to act on."""
+    """The rows of Python."""
     arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")
     result = tdint(*arguments, "--plot=m.png", code=0)
     made = modal_response(CONFIGS / "ten-story.yaml", arguments[-1])
     assert [float(row["shear_cqc_N"]) for row in rows(result.stdout)] == pytest.approx(made.shear_cqc, rel=1e-11)
     assert "All modes are in it: no mass is missing." in result.stderr
-    assert (folder / "m.png").stat().st_size > 10_000
-    tdint.refused("--shapes has nothing to act on with --target", *arguments, "--shapes", "roof")
+    assert (folder / "m.png").exists()

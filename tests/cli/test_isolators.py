@@ -17,8 +17,8 @@ UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
 RAYLEIGH = "damping: {rayleigh: {mass: 0.3, stiffness: 0.004}}\n"
 
 
-def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = "", name: str = "model.yaml"):
-    file = tmp_path / name
+def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = ""):
+    file = tmp_path / "model.yaml"
     file.write_text(f"stories:\n  - {{{first}}}\n{rest}{more}")
     return load_model(file)
 
@@ -26,23 +26,21 @@ def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = "", name: s
 @pytest.mark.parametrize("below", [0, 2])
 def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
     """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed base."""
-    fixed = assemble(model(tmp_path, "mass: 20, height: 3, stiffness: 9000", UPPER, RAYLEIGH)).damping_matrix()
-    under = "".join("  - {mass: 30, height: 4, stiffness: 8000}\n" for _ in range(below))
-    isolated = tmp_path / "isolated.yaml"
-    first = "  - {mass: 25, height: 0.5, stiffness: 300, isolator: true}\n"
-    isolated.write_text(
-        f"stories:\n{under}{first}  - {{mass: 20, height: 3, stiffness: 9000}}\n{UPPER}{RAYLEIGH}"
-    )  # fmt: skip
-    found = assemble(load_model(isolated)).damping_matrix()
-    block = np.zeros(len(found))
+    first = "mass: 20, height: 3, stiffness: 9000"
+    fixed = assemble(model(tmp_path, first, UPPER, RAYLEIGH)).damping_matrix()
+    under = "mass: 30, height: 4, stiffness: 8000"
+    isolator = "mass: 25, height: 0.5, stiffness: 300, isolator: true"
+    stories = [*[under] * below, isolator, first]
+    upper = "".join(f"  - {{{story}}}\n" for story in stories[1:]) + UPPER
+    damping = assemble(model(tmp_path, stories[0], upper, RAYLEIGH)).damping_matrix()
+    block = np.zeros(len(damping))
     block[below:] = 1.0
-    assert np.abs(found @ block)[below:] == pytest.approx(0.0, abs=1e-12)
-    assert found[below + 1 :, below + 1 :] == pytest.approx(fixed, rel=1e-12, abs=1e-12)
-    assert found == pytest.approx(found.T, rel=1e-12, abs=1e-12)
+    assert np.abs(damping @ block)[below:] == pytest.approx(0.0, abs=1e-12)
+    assert damping[below + 1 :, below + 1 :] == pytest.approx(fixed, rel=1e-12, abs=1e-12)
+    assert damping == pytest.approx(damping.T, rel=1e-12, abs=1e-12)
     if below:
-        alone = tmp_path / "alone.yaml"
-        alone.write_text(f"stories:\n{under}{RAYLEIGH}")
-        assert found[:below, :below] == pytest.approx(assemble(load_model(alone)).damping_matrix(), abs=1e-12)
+        alone = assemble(model(tmp_path, under, f"  - {{{under}}}\n", RAYLEIGH)).damping_matrix()
+        assert damping[:below, :below] == pytest.approx(alone, abs=1e-12)
 
 
 def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
@@ -64,16 +62,14 @@ def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
 def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
     """Its modes are those of springs softer by W/h, of which the isolator has no other use of its height."""
     weights = STANDARD_GRAVITY * np.array([85.0, 60.0, 40.0, 20.0])
-    isolated = model(
-        tmp_path, "mass: 25, height: 2.5, stiffness: 3000, isolator: true",
-        "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n", "p_delta: true\n",
-    )  # fmt: skip
+    first = "mass: 25, height: 2.5, stiffness: 3000, isolator: true"
+    isolated = assemble(model(tmp_path, first, UPPER, "p_delta: true\n"))
     k = np.array([3000.0, 9000.0, 9000.0, 9000.0]) - weights / np.array([2.5, 3.0, 3.0, 3.0])
     stories = "".join(f"  - {{mass: 20, stiffness: {value!r}}}\n" for value in k[1:].tolist())
-    soft = model(tmp_path, f"mass: 25, stiffness: {k[0].item()!r}", stories, name="soft.yaml")
-    assert assemble(isolated).modes().omega == pytest.approx(assemble(soft).modes().omega, rel=1e-12)
-    assert np.isnan(assemble(isolated).heights).tolist() == [True, False, False, False]
-    assert assemble(isolated).rises.tolist() == [0.0, 3.0, 3.0, 3.0]
+    soft = assemble(model(tmp_path, f"mass: 25, stiffness: {k[0].item()!r}", stories))
+    assert isolated.modes().omega == pytest.approx(soft.modes().omega, rel=1e-12)
+    assert np.isnan(isolated.heights).tolist() == [True, False, False, False]
+    assert isolated.rises.tolist() == [0.0, 3.0, 3.0, 3.0]
     with pytest.raises(ModelError, match="p_delta needs the height"):
         model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", more="p_delta: true\n")
 
@@ -97,25 +93,25 @@ def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
 
 
 def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
-    bilinear = "law: {type: bilinear, yield_force: 60, hardening: 0.05}"
-    text = "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, %s}\n"
-    Path("falls.yaml").write_text(text % bilinear)
-    numbers = f"story 1 {40 * STANDARD_GRAVITY / 2 / 1e6:.4g} over {0.05 * 3000 / 1e6:.4g}"
-    for records in (("motion.mseed", "--component", "HNE"), ("motion.mseed", "other.mseed")):
-        result = tdint("run", "falls.yaml", *records, "--units", "m/s^2")
-        assert numbers in result.stderr, result.stderr
+    text = (
+        "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, "
+        "law: {type: bilinear, yield_force: 60, hardening: %s}}\n"
+    )
+    Path("falls.yaml").write_text(text % 0.05)
+    weight, stiffness = 40 * STANDARD_GRAVITY / 2, 0.05 * 3000
+    single = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    several = ("motion.mseed", "other.mseed", "--units", "m/s^2")
     kip_in = 4448.2216152605 / 0.0254
-    numbers = f"kip/in: story 1 {40 * STANDARD_GRAVITY / 2 / kip_in:.4g} over {0.05 * 3000 / kip_in:.4g}"
-    one = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
-    assert numbers in tdint("run", "falls.yaml", *one, "--output-units", "kip,in").stderr
-    Path("stands.yaml").write_text(text % bilinear.replace("0.05", "0.07"))
-    result = tdint("run", "stands.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
-    assert "P-delta takes" not in result.stderr
+    for words, unit in ((single, 1e6), (several, 1e6), ((*single, "--output-units", "kip,in"), kip_in)):
+        told = f": story 1 {weight / unit:.4g} over {stiffness / unit:.4g}"
+        assert told in tdint("run", "falls.yaml", *words).stderr, words
+    Path("stands.yaml").write_text(text % 0.07)
+    assert "P-delta takes" not in tdint("run", "stands.yaml", *single).stderr
     assert falling_stories(load_model("shaken.yaml")) == ()
 
 
 @pytest.mark.parametrize(
-    ("law", "wanted"),
+    ("law", "stiffness"),
     [
         ("{type: bilinear, yield_force: 60, hardening: 0.1}", 100.0),
         ("{type: bouc-wen, yield_force: 60, hardening: 0.1, exponent: 2, beta: 0.5}", 100.0),
@@ -129,6 +125,6 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
         ("linear", np.inf),
     ],
 )
-def test_the_stiffness_after_yield(tmp_path, law, wanted):
-    found = model(tmp_path, f"mass: 1, stiffness: 1000, law: {law}")
-    assert stiffness_after_yield(found.stories[0]) == pytest.approx(wanted, rel=1e-12)
+def test_the_stiffness_after_yield(tmp_path, law, stiffness):
+    story = model(tmp_path, f"mass: 1, stiffness: 1000, law: {law}").stories[0]
+    assert stiffness_after_yield(story) == pytest.approx(stiffness, rel=1e-12)

@@ -51,6 +51,7 @@ def test_a_linear_story_of_a_stream(folder, tdint):
     assert result.stderr.splitlines()[-1].split() == ["1", "0.01", "-", "-", "8", "-8", "800", "0", "0"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("units", ["m", "dy"])
 def test_any_path(folder, tdint, units):
     """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for each."""
@@ -63,8 +64,7 @@ def test_any_path(folder, tdint, units):
     table = rows(result.stdout)
     assert [float(row["drift_m"]) for row in table] == pytest.approx(drifts, rel=1e-11)
     assert [float(row["shear_N"]) for row in table] == pytest.approx([69.0, -11.0, 69.0, 79.0], rel=1e-9)
-    assert [row["step"] for row in table] == ["0", "1", "2", "3"]
-    assert {row["cycle"] for row in table} == {""}
+    assert [(row["step"], row["cycle"]) for row in table] == [(str(i), "") for i in range(4)]
     assert result.stderr.splitlines()[-1].startswith("4 drifts from 0.02 to 0.0425 m, forces from -11 to 79 N, ")
     assert (folder / "x.png").exists()
 
@@ -79,16 +79,14 @@ def test_p_delta(tdint):
 
 def test_table_and_picture(folder, tdint):
     command = ("law", "shaken.yaml", "--drift", "1%")
-    table = tdint(*command).stdout
     assert tdint(*command, "-o", "x.csv", "--plot", "x.svg", code=0).stdout == ""
-    assert (folder / "x.csv").read_text() == table
+    assert (folder / "x.csv").read_text() == tdint(*command).stdout
     assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("drift", ["1e-9mm", "1e9m"])
-@pytest.mark.parametrize("model", ["forced.yaml", "shaken.yaml"])
+@pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
 def test_pictures_of_any_size(folder, tdint, model, drift):
-    assert tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png").exit_code == 0
+    tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)
     assert (folder / "x.png").exists()
 
 
@@ -96,9 +94,6 @@ def test_pictures_of_any_size(folder, tdint, model, drift):
     ("arguments", "code", "message"),
     [
         (["shaken.yaml"], 2, "no drift: give --drift, or a path of drifts by --path"),
-        (["shaken.yaml", "--drift", "1%", "--units", "dy"], 2, "--units has nothing to act on without --path"),
-        (["shaken.yaml", "--path", "path.csv", "--drift", "1%"], 2, "--drift has nothing to act on with --path"),
-        (["shaken.yaml", "--path", "path.csv", "--points", "4"], 2, "--points has nothing to act on with --path"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
         (["shaken.yaml", "--path", "forced.yaml"], 2, "forced.yaml: the first line names no column drift_m"),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),

@@ -1,7 +1,6 @@
 """`tdint stability`, `tdint overshoot` and `tdint order`: rows, words, pictures, exit codes."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,24 +34,19 @@ def test_all_methods_at_their_defaults(tdint, name):
     assert "nan" not in result.stdout
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_method_is_measured_once(tdint, name):
-    once = tdint(name, *SMALL[name], "--method", "newmark")
-    twice = tdint(name, *SMALL[name], "--method", "newmark", "--method", "newmark:beta=1/4,gamma=0.5")
-    assert (twice.exit_code, twice.stdout) == (0, once.stdout)
+def test_a_method_is_measured_once(tdint):
+    words = ("overshoot", *SMALL["overshoot"], "--method", "newmark")
+    once, twice = tdint(*words), tdint(*words, "--method", "newmark:beta=1/4,gamma=0.5", code=0)
+    assert twice.stdout == once.stdout
 
 
 @pytest.mark.parametrize(("name", "suffix"), list(zip(COMMANDS, SIGNATURES, strict=True)))
 def test_table_and_picture(here, tdint, name, suffix):
     command = (name, *SMALL[name], "--method", "newmark", "--method", "impulse4")
-    table = tdint(*command).stdout
-    result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}")
-    assert (result.exit_code, result.stdout) == (0, "")
-    assert (here / "x.csv").read_text() == table
+    assert tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", code=0).stdout == ""
+    assert (here / "x.csv").read_text() == tdint(*command).stdout
     assert (here / f"x{suffix}").read_bytes().startswith(SIGNATURES[suffix])
-    result = tdint(*command, "--plot", f"y{suffix}")
-    assert (result.exit_code, result.stdout) == (0, table)
-    assert sorted(path.name for path in here.iterdir()) == sorted(["x.csv", "x.json", f"x{suffix}", f"y{suffix}"])
+    assert sorted(path.name for path in here.iterdir()) == sorted(["x.csv", "x.json", f"x{suffix}"])
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -61,7 +55,6 @@ def test_table_and_picture(here, tdint, name, suffix):
     [
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
-        (["--plot", ""], 2, "--plot is empty"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, "),
         (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),
         (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
@@ -74,21 +67,18 @@ def test_what_is_refused(here, tdint, name, arguments, code, message):
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    "line",
     [
-        ["stability", "--damping", "1"], ["stability", "--damping", "-0.1"], ["stability", "--damping", "nan"],
-        ["stability", "--dt-over-t", "1:0.1:5"], ["stability", "--dt-over-t", "0.1:1:1"],
-        ["stability", "--dt-over-t", "0.1:1"], ["stability", "--dt-over-t", "0:1:5"],
-        ["stability", "--dt-over-t", "0.1:inf:5"], ["stability", "--dt-over-t", "nan"],
-        ["stability", "--dt-over-t", "0.1:1:1e3"], ["overshoot", "--dt-over-t", "0"],
-        ["overshoot", "--dt-over-t", "inf"], ["overshoot", "--damping", "nan"], ["overshoot", "--steps", "0"],
-        ["order", "--load", "sinus"], ["order", "--law", "bilinear"], ["stability", "--dt-over-t", "1e7"],
-        ["stability", "--dt-over-t", "1e-7:1:3"], ["overshoot", "--dt-over-t", "1e7"],
-        ["order", "--frequency-ratio", "-1"], ["order", "--frequency-ratio", "0.2:11:3"],
+        *(f"stability --damping {value}" for value in ("1", "-0.1", "nan")),
+        *(f"stability --dt-over-t {value}" for value in ("1:0.1:5", "0.1:1:1", "0.1:1", "0:1:5", "0.1:inf:5", "nan")),
+        *(f"stability --dt-over-t {value}" for value in ("0.1:1:1e3", "1e7", "1e-7:1:3")),
+        *(f"overshoot --dt-over-t {value}" for value in ("0", "inf", "1e7")),
+        "overshoot --damping nan", "overshoot --steps 0", "order --load sinus", "order --law bilinear",
+        "order --frequency-ratio -1", "order --frequency-ratio 0.2:11:3",
     ],
 )  # fmt: skip
-def test_values_out_of_range(tdint, arguments):
-    tdint.refused(f"Invalid value for '{arguments[1]}'", *arguments)
+def test_values_out_of_range(tdint, line):
+    tdint.refused(f"Invalid value for '{line.split()[1]}'", *line.split())
 
 
 # ---- stability
@@ -114,53 +104,52 @@ def test_the_default_steps(tdint):
 
 
 def test_critical_steps_are_told(tdint):
-    methods = ("central-difference", "newmark-linear", "newmark-average", "rk5")
-    options = [part for method in methods for part in ("--method", method)]
-    result = tdint("stability", *SMALL["stability"], *options, "--damping", "0", "--damping", "0.05")
+    """Of each method at each damping, whatever the steps of the table."""
+    methods = ("--method", "central-difference,newmark-average,rk5", "--damping", "0,0.05")
+    result = tdint("stability", *SMALL["stability"], *methods)
+    none = "none up to omega dt 1e4"
     assert [line.split(maxsplit=2) for line in result.stderr.splitlines()] == [
-        ["method", "damping", "critical omega dt"], ["central-difference", "0", "2.00000"],
-        ["central-difference", "0.05", "2.00000"], ["newmark-linear", "0", "3.46410"],
-        ["newmark-linear", "0.05", "3.46410"], ["newmark-average", "0", "none up to omega dt 1e4"],
-        ["newmark-average", "0.05", "none up to omega dt 1e4"], ["rk5", "0", "0.997191"], ["rk5", "0.05", "2.40256"],
+        ["method", "damping", "critical omega dt"],
+        ["central-difference", "0", "2.00000"], ["central-difference", "0.05", "2.00000"],
+        ["newmark-average", "0", none], ["newmark-average", "0.05", none],
+        ["rk5", "0", "0.997191"], ["rk5", "0.05", "2.40256"],
     ]  # fmt: skip
 
 
 def test_beta_scan(here, tdint):
-    result = tdint("stability", "--method", "gauss4", "--beta-scan", "--plot", "x.svg", code=0)
+    """Beside 1/144 the impulse method is unstable in a narrow band beside √12; its steps stand in the table, too."""
+    words = ("stability", "--method", "gauss4", "--beta-scan", "--dt-over-t", "0.01:1:9", "--plot", "x.svg")
+    result = tdint(*words, code=0)
     critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
     none = "none up to omega dt 1e4"
     expected = {"1/120": "3.16228", "1/143": "3.45205", "1/144": none, "1/145": "3.46410", "1/160": "3.46410"}
-    assert critical == {"gauss4": none} | {
-        parse(f"impulse:beta={beta}").label: limit for beta, limit in expected.items()
-    }
+    labels = {beta: parse(f"impulse:beta={beta}").label for beta in expected}
+    assert critical == {"gauss4": none} | {labels[beta]: limit for beta, limit in expected.items()}
     for beta in ("1/143", "1/145"):
-        label = parse(f"impulse:beta={beta}").label
-        radius = {
-            2.0 * math.pi * float(row["dt_over_t"]): float(row["spectral_radius"])
+        beside = [
+            float(row["spectral_radius"])
             for row in rows(result.stdout)
-            if row["method"] == label
-        }
-        assert max(value for x, value in radius.items() if 3.4 < x < 3.5) == pytest.approx(1.004, abs=5e-4)
+            if row["method"] == labels[beta] and 3.4 < 2.0 * math.pi * float(row["dt_over_t"]) < 3.5
+        ]
+        assert max(beside) == pytest.approx(1.004, abs=5e-4)
     steps = [float(row["dt_over_t"]) for row in rows(result.stdout) if row["method"] == "gauss4"]
     assert steps == sorted(steps)
     picture = (here / "x.svg").read_text(encoding="utf-8")
-    assert "impulse:beta=1/145" in picture
-    assert "√12" in picture
+    assert "impulse:beta=1/145" in picture and "√12" in picture
 
 
-@pytest.mark.parametrize("steps", ["0.1", "1e6", "10:1000:5", "1e-6:1e-5:3"])
+@pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
 def test_pictures_of_any_steps(here, tdint, steps):
-    tdint("stability", "--method", "exact", "--method", "rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
+    tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
     assert (here / "x.png").exists()
 
 
 def test_names_are_told_apart_in_a_picture(here, tdint):
     methods = ("impulse:beta=0.0069444", "impulse:beta=0.00694441", "impulse", "wilson:theta=1.4")
     options = [part for method in methods for part in ("--method", method)]
-    assert tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg").exit_code == 0
+    tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg", code=0)
     picture = (here / "x.svg").read_text(encoding="utf-8")
-    for label in (parse(method).label for method in methods):
-        assert label in picture
+    assert [label for label in (parse(method).label for method in methods) if label not in picture] == []
 
 
 # ---- overshoot
@@ -177,9 +166,8 @@ def test_overshoot_rows(tdint):
 
 
 def test_overshoot_words(tdint):
-    methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5", "bathe:gamma=0.5")
-    options = [part for method in methods for part in ("--method", method)]
-    lines = tdint("overshoot", *options).stderr.splitlines()
+    methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5")
+    lines = tdint("overshoot", "--method", ",".join(methods)).stderr.splitlines()
     assert lines[0] == "Powers of omega dt in the first step, as omega dt goes to infinity:"
     assert [line.split(maxsplit=5) for line in lines[3:]] == [
         ["newmark-average", "0.0", "0.0", "-2.0", "0.0", "none"],
@@ -187,7 +175,6 @@ def test_overshoot_words(tdint):
         ["wilson:theta=1.4", "2.0", "2.0", "0.0", "0.0", "displacement and velocity"],
         ["cr", "0.0", "-2.0", "0.0", "0.0", "displacement"],
         ["rk5", "6.0", "6.0", "4.0", "6.0", "unstable"],
-        ["bathe:rho_inf=0.0,gamma=0.5", "-2.0", "0.0", "-2.0", "-2.0", "none"],
     ]
     assert lines[2].split() == ["exact", "motion", "0.0", "1.0", "-1.0", "0.0"]
     assert "nothing" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
@@ -200,8 +187,8 @@ def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
 
 def test_overshoot_in_nonlinear_motion(here, tdint):
     """The rows are those of the function; the words tell what is passed, of whom, and who is left out."""
-    methods = ("newmark-average", "moment4", "impulse", "exact")
-    result = tdint("overshoot", "--method", ",".join(methods), "--law", "softening", "--plot", "x.png", code=0)
+    words = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")
+    result = tdint("overshoot", *words, code=0)
     table = rows(result.stdout)
     assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {("softening", "", "")}
     largest = max(abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average")
@@ -210,27 +197,23 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
     told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert told["newmark-average"] == ["1", "0.391", f"{largest:.3g}", "1.63", "displacement and velocity"]
     assert told["moment4:rho_inf=1.0"][-1] == "none"
-    tdint.refused(
-        "exact integrates linear buildings only; not with --law hardening",
-        *["overshoot", "--method", "exact", "--law", "hardening"],
-    )
 
 
 # ---- order
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_order_over_the_frequency_ratio(here, tdint):
-    result = tdint("order", "--method", "impulse", "--method", "impulse4", "--plot", "x.png")
-    assert (result.exit_code, result.stderr) == (0, "")
+    """At fifteen ratios unless told otherwise; the picture is a curve over them."""
+    result = tdint("order", "--method", "impulse4", "--plot", "x.png", code=0)
+    assert result.stderr == ""
     table = rows(result.stdout)
-    ratios = np.geomspace(0.2, 5.0, 15)
-    for method, expected in (("impulse:beta=0.006944444444444444", 2.0), ("impulse4:rho_inf=1.0", 4.0)):
-        own = [row for row in table if row["method"] == method]
-        np.testing.assert_allclose([float(row["frequency_ratio"]) for row in own], ratios, rtol=1e-11)
-        assert {(row["load"], row["law"]) for row in own} == {("harmonic", "linear")}
-        for quantity in ("displacement_order", "velocity_order", "acceleration_order"):
-            np.testing.assert_allclose([float(row[quantity]) for row in own], expected, atol=0.1)
-        assert {row["own_acceleration_order"] for row in own} == {""}
+    np.testing.assert_allclose([float(row["frequency_ratio"]) for row in table], np.geomspace(0.2, 5.0, 15), rtol=1e-11)
+    assert {(row["method"], row["load"], row["law"], row["own_acceleration_order"]) for row in table} == {
+        ("impulse4:rho_inf=1.0", "harmonic", "linear", "")
+    }
+    for quantity in ("displacement_order", "velocity_order", "acceleration_order"):
+        np.testing.assert_allclose([float(row[quantity]) for row in table], 4.0, atol=0.1)
 
 
 def test_a_single_ratio_and_loads_without_one(tdint):
@@ -241,19 +224,13 @@ def test_a_single_ratio_and_loads_without_one(tdint):
     assert float(column(result, "displacement_error")[0]) < 1e-9
 
 
-def test_a_frequency_ratio_needs_a_frequency(tdint):
-    result = tdint("order", "--load", "free", "--frequency-ratio", "1")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.startswith("Error: --frequency-ratio has nothing to act on without --load harmonic; ")
-
-
-def test_methods_that_cannot_do_the_law_are_named(tdint):
-    result = tdint("order", "--load", "free", "--law", "polynomial", code=0)
-    assert column(result, "method") == [label for label in ALL if label != "exact"]
-    assert result.stderr == "note: exact is left out: it integrates linear buildings only\n"
-    alone = tdint("order", "--method", "exact", "--law", "polynomial")
-    assert (alone.exit_code, alone.stdout) == (2, "")
-    assert alone.stderr == "Error: exact integrates linear buildings only; not with --law polynomial\n"
+@pytest.mark.parametrize(("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")])
+def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
+    words = (*command.split(), "--law", law, "--method")
+    result = tdint(*words, "exact,newmark-average", code=0)
+    assert set(column(result, "method")) == {"newmark-average"}
+    assert result.stderr.startswith("note: exact is left out: it integrates linear buildings only\n")
+    tdint.refused(f"Error: exact integrates linear buildings only; not with --law {law}\n", *words, "exact")
 
 
 def test_errors_that_are_rounding_are_told(here, tdint):
@@ -290,17 +267,14 @@ def test_the_choices_are_those_of_the_library():
 
 @pytest.mark.parametrize(
     "command",
-    [("stability", "--dt-over-t", "0.1:1:3"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
+    [("stability", "--dt-over-t", "0.1"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
     ids=" ".join,
 )
-def test_pictures_of_all_methods_are_a_selection(tmp_path, monkeypatch, tdint, command):
+def test_pictures_of_all_methods_are_a_selection(here, tdint, command):
     """The table has all; the picture has the selection, or all with --all."""
-    monkeypatch.chdir(tmp_path)
     table = tdint(*command, "--plot=few.svg").stdout
     tdint(*command, "--plot=all.svg", "--all")
-    few, every = (Path(f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
+    few, every = ((here / f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
     for name in ("houbolt", "wilson"):
-        assert name in table
-        assert name in every
-        assert name not in few
+        assert name in table and name in every and name not in few
     assert "newmark-average" in few

@@ -4,6 +4,7 @@ import itertools
 import re
 import shlex
 import zlib
+from contextlib import suppress
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -25,47 +26,35 @@ def stability(tdint, *more):
     return tdint("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9", *more)
 
 
-def numbers(found):
-    return [float(one) for one in found.split()]
-
-
-def test_a_pdf_has_the_width_and_embedded_truetype(here, tdint):
-    for words, width in ((("--style", "90mm"), 90.0), (("--style", "width=7in"), 177.8)):
-        assert stability(tdint, *words, "--plot=a.pdf", "--overwrite").exit_code == 0
-        data = (here / "a.pdf").read_bytes()
-        box = numbers(re.search(rb"/MediaBox \[ ([^\]]*) \]", data)[1].decode())
-        assert abs(box[2] - width * POINTS) < 0.1
-        assert b"/FontFile2" in data and b"/Type3" not in data
-
-
-def test_letters_have_six_to_eight_points(here, tdint):
-    """As the page's streams set them: `/F1 8 Tf`."""
-    assert stability(tdint, "--style", "140mm", "--plot=a.pdf").exit_code == 0
-    streams = re.findall(rb"stream\r?\n(.*?)endstream", (here / "a.pdf").read_bytes(), re.DOTALL)
+@pytest.mark.parametrize(("words", "width"), [("90mm", 90.0), ("width=7in", 177.8)])
+def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(here, tdint, words, width):
+    """Letters as the page's streams set them: `/F1 8 Tf`."""
+    line = ("overshoot", "--method", "impulse4", "--steps", "3")
+    tdint(*line, "--style", words, "--plot=a.pdf", code=0)
+    data = (here / "a.pdf").read_bytes()
+    box = [float(number) for number in re.search(rb"/MediaBox \[ ([^\]]*) \]", data)[1].split()]
+    assert abs(box[2] - width * POINTS) < 0.1
+    assert b"/FontFile2" in data and b"/Type3" not in data
     sizes = []
-    for one in streams:
-        try:
-            sizes += [float(size) for size in re.findall(rb"/F\S+ ([0-9.]+) Tf", zlib.decompress(one))]
-        except zlib.error:
-            continue
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
+        with suppress(zlib.error):
+            sizes += [float(size) for size in re.findall(rb"/F\S+ ([0-9.]+) Tf", zlib.decompress(stream))]
     assert len(sizes) > 20
     assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}  # exponents are smaller
 
 
 def test_words_are_those_of_the_paper(here, tdint):
-    assert stability(tdint, "--style", "label:impulse4='present, method',title=no", "--plot=a.svg").exit_code == 0
+    """And a style sheet has its say."""
+    (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
+    style = ("--style", "own.mplstyle,label:impulse4='present, method',title=no")
+    assert stability(tdint, *style, "--plot=a.svg").exit_code == 0
     text = (here / "a.svg").read_text()
     assert "present, method" in text and "impulse4" not in text
     assert "Δt/T" in text and "dt/T" not in text and "α=-0.1" in text
+    assert "stroke-width: 4.5" in text
     assert stability(tdint, "--plot=b.svg").exit_code == 0  # what was asked for before is over
     assert "impulse4" in (here / "b.svg").read_text()
     assert PRINTED.get() == PrintedAs()
-
-
-def test_a_style_sheet_has_its_say(here, tdint):
-    (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
-    assert stability(tdint, "--style", "own.mplstyle", "--plot=a.svg").exit_code == 0
-    assert "stroke-width: 4.5" in (here / "a.svg").read_text()
 
 
 @pytest.mark.parametrize(
@@ -93,8 +82,8 @@ def test_what_cannot_be_drawn_is_one_line(here, tdint, words, message):
 
 @pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
-    result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", "--style", "30mm", code=2)
-    assert "the panels of this picture find no room at 30 mm" in result.stderr
+    words = ("run", "shaken.yaml", "-o", "out", "--history", "--plot", "--style", "30mm")
+    assert "the panels of this picture find no room at 30 mm" in tdint(*words, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 
 
@@ -103,8 +92,8 @@ def test_symbols():
     assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
 
 
-def looks_of(monkeypatch):
-    """What is asked of each picture that is drawn from now on."""
+def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
+    """The command line goes over them; a style sheet is relative to the file, from wherever the folder is read."""
     asked = []
 
     def noted(self, stream):
@@ -112,28 +101,24 @@ def looks_of(monkeypatch):
         stream.write(b"a picture")
 
     monkeypatch.setattr(Picture, "__call__", noted)
-    return asked
-
-
-def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
-    """The command line goes over them; a style sheet is relative to the file, from wherever the folder is read."""
-    asked = looks_of(monkeypatch)
     (folder / "sub").mkdir()
     (folder / "sub" / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     for name in ("shaken.yaml", "motion.mseed", "other.mseed"):
         (folder / name).rename(folder / "sub" / name)
+    run = ("campaign", "sub/study.yaml", "-o", "out", "--plot")
+    export = ("campaign", "export", "out", "--plot", "--overwrite")
     (folder / "sub" / "study.yaml").write_text(STUDY + "style: '90mm,own.mplstyle,title=no'\n")
-    assert tdint("campaign", "sub/study.yaml", "-o", "out", "--plot").exit_code == 0
-    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
+    tdint(*run, code=0)
+    tdint(*export, code=0)
     sheet = str((folder / "sub" / "own.mplstyle").absolute())
     assert asked == [PrintedAs(width=0.09, title=False, style=sheet)] * 2
-    assert tdint("campaign", "export", "out", "--plot", "--overwrite", "--style", "120mm").exit_code == 0
+    tdint(*export, "--style", "120mm", code=0)
     assert asked[-1] == PrintedAs(width=0.12, title=False, style=sheet)
     # The runs do not depend on them.
     (folder / "sub" / "study.yaml").write_text(STUDY + "style: 60mm\n")
-    tdint("campaign", "sub/study.yaml", "-o", "out", "--plot", code=0)
-    assert tdint("campaign", "export", "out", "--plot", "--overwrite").exit_code == 0
-    assert {one.width for one in asked[-2:]} == {0.06}
+    tdint(*run, code=0)
+    tdint(*export, code=0)
+    assert {looks.width for looks in asked[-2:]} == {0.06}
 
 
 @pytest.mark.parametrize(
@@ -198,23 +183,21 @@ DRAWN = {
     "chart": "chart shaken.yaml --method impulse4,newmark-average,hht",
     "chart of several": "chart shaken.yaml forced.yaml --method impulse4,newmark-average,hht",
 }
-AT_ONCE = ("run", "pushover", "overshoot")
+AT_ONCE = ("run", "law")
 """Not slow, and at 180 mm, too: words are of one size, so that a figure with half of the width is the harder one."""
 
 
 def words_of(figure):
     """The texts that are seen and their boxes, points; numbers of ticks that are not drawn are none."""
     figure.draw_without_rendering()
-    axes = [panel for one in figure.axes for panel in (one, *one.child_axes)]
+    axes = [panel for whole in figure.axes for panel in (whole, *whole.child_axes)]
     every, shown = set(), set()
     for axis in (axis for panel in axes for axis in (panel.xaxis, panel.yaxis)):
         every |= {label for tick in (*axis.majorTicks, *axis.minorTicks) for label in (tick.label1, tick.label2)}
         shown |= {label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
-    points = 72.0 / figure.dpi
-    texts = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
-    texts = [one for one in texts if one not in every or one in shown]
-    boxes = [one.get_window_extent().extents * points for one in texts]
-    return [(one, box) for one, box in zip(texts, boxes, strict=True) if box[2] > box[0]]
+    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    seen = [(text, text.get_window_extent().extents) for text in texts if text not in every or text in shown]
+    return [(text, box * 72.0 / figure.dpi) for text, box in seen if box[2] > box[0]]
 
 
 def faults(figure):

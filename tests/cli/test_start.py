@@ -1,5 +1,7 @@
 """What each command loads, in its own process: a small real call loads no package and no module that it can spare."""
 
+import json
+import os
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -31,7 +33,7 @@ COMMAND_LINES = {
     "pushover": "office.yaml --points 20",
     "compare": "office.yaml --recorded recorded.yaml",
     "inventory": "buildings.csv --units ft",
-    "info": "motion.mseed",
+    "info": "motion.mseed --trim 0.5:2.5 --baseline linear --pad 1:2",
     "spectrum": "motion.mseed --period 1",
     "drift-spectrum": "motion.mseed --period 1",
     "campaign": "status study",
@@ -50,6 +52,13 @@ COMMAND_LINES = {
     "validate": "",
     "rerun": "loop.json",
 }
+
+BEFORE = {
+    "compare": ("run office.yaml --history=h.csv",),
+    "campaign": ("campaign study.yaml -o study",),
+    "rerun": ("law office.yaml --drift 1% -o loop.csv",),
+}
+"""What writes the files that they read."""
 
 NEEDED = {
     "check": {"obspy"},
@@ -72,6 +81,7 @@ MORE = {
     "spectrum": SPARED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
     "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.march"},
     "modes": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
+    "info": {"scipy.signal"},  # of filters
     "methods": SPARED
     | (WITHOUT_RECORDS - {"importlib.metadata"})
     | {"tdint.analysis.run.outcome", "llvmlite", "yaml", "tdint.model.config", "hashlib"},
@@ -94,51 +104,84 @@ LONG = {
 """Those that take more than half a second or load what another one of the suite does."""
 
 
+STARTER = """
+import json, os, sys
+import click, numpy
+
+for line in sys.stdin:
+    child = os.fork()
+    if not child:
+        break
+    print(os.waitpid(child, 0)[1], flush=True)
+else:
+    sys.exit()
+code, file, *sys.argv = json.loads(line)
+os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+try:
+    exec(code)
+finally:
+    with open(file, "w") as stream:
+        print(*sys.modules, file=stream)
+"""
+"""A process that has what all commands load, and for each line that it reads makes a copy of itself, which does it."""
+
+
+class Starter:
+    """Runs code in processes that have loaded nothing but click and numpy."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with (folder / "said").open("w") as said:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", STARTER],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, text=True, cwd=folder,
+            )  # fmt: skip
+
+    def __call__(self, *words: str, code: str = "from tdint_cli.main import main; main()") -> set[str]:
+        """The modules that are loaded when `tdint WORDS`, or this code, is done."""
+        self.process.stdin.write(json.dumps([code, "modules", "tdint", *words]) + "\n")
+        self.process.stdin.flush()
+        assert self.process.stdout.readline() == "0\n", (self.folder / "said").read_text()
+        return set((self.folder / "modules").read_text().split())
+
+
 @pytest.fixture(scope="module")
-def office(tmp_path_factory):
-    """A folder with a model, its motion as a table and as MiniSEED, and what the commands read beside them."""
+def start(tmp_path_factory):
+    """Commands in a folder with a model, its motion as a table and as MiniSEED, and what they read beside them."""
+    if not hasattr(os, "fork"):
+        pytest.skip("copies of a process are made on POSIX")
     folder = tmp_path_factory.mktemp("office")
     root = Path(__file__).parents[2]
     for name in ("stripes.csv", "buildings.csv"):
         (folder / name).write_bytes((root / "configs" / name).read_bytes())
-
-    def tdint(*words):
-        # In a process of its own: files tell the plug-ins that this one has, and `rerun` would look for them.
-        subprocess.run([sys.executable, "-m", "tdint_cli", *words], capture_output=True, check=True, cwd=folder)
-
-    tdint("init", "office.yaml", "--stories", "2")
-    tdint("info", "office-motion.txt", "--export", "motion.mseed")
-    model = (folder / "office.yaml").read_text()
-    (folder / "office.yaml").write_text(model.replace('"office-motion.txt"', "motion.mseed"))
-    tdint("run", "office.yaml", "--history=h.csv")
     (folder / "recorded.yaml").write_text(
         "base: {file: h.csv, column: ground_acceleration_g}\n"
         "floors: {roof: {file: h.csv, column: floor_2_absolute_acceleration_g, quantity: acceleration}}\n"
     )
     (folder / "study.yaml").write_text("buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n")
-    tdint("campaign", "study.yaml", "-o", "study")
-    tdint("law", "office.yaml", "--drift", "1%", "-o", "loop.csv")
-    return folder
-
-
-def modules_after(code: str, folder: Path, *arguments: str) -> set[str]:
-    """The modules that a process has imported when it has run this code."""
-    shown = f"import sys\nsys.argv = ['tdint', *{arguments!r}]\ntry:\n    {code}\nfinally:\n    print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True, cwd=folder)
-    return set(done.stdout.splitlines()[-1].split())
+    start = Starter(folder)
+    # In other processes: files tell the plug-ins that this one has, and `rerun` would look for them.
+    start("init", "office.yaml", "--stories", "2")
+    start("info", "office-motion.txt", "--export", "motion.mseed")
+    model = (folder / "office.yaml").read_text()
+    (folder / "office.yaml").write_text(model.replace('"office-motion.txt"', "motion.mseed"))
+    yield start
+    start.process.communicate(timeout=30)
 
 
 @pytest.fixture(scope="module")
-def common(office):
+def common(start):
     """What numpy, click and yaml load themselves."""
-    return modules_after("import numpy, click, yaml", office) - {"yaml"}
+    return start(code="import yaml") - {"yaml"}
 
 
 @pytest.mark.parametrize(
     "command", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in COMMAND_LINES]
 )
-def test_a_command_loads_no_more_than_it_needs(office, common, command):
-    loaded = modules_after("from tdint_cli.main import main; main()", office, command, *COMMAND_LINES[command].split())
+def test_a_command_loads_no_more_than_it_needs(start, common, command):
+    for line in BEFORE.get(command, ()):
+        start(*line.split())
+    loaded = start(command, *COMMAND_LINES[command].split())
     needed = NEEDED.get(command, set())
     assert sorted((HEAVY - needed | MORE.get(command, set()) - HEAVY) & loaded - common) == []
     assert needed <= loaded, f"{command} does without: take it out of NEEDED"

@@ -1,7 +1,6 @@
 """The form of the pages: links that lead somewhere, as many words as a reader has patience for."""
 
 import re
-import tomllib
 
 import click
 import pytest
@@ -107,14 +106,11 @@ def test_the_first_page_leads_to_every_other(path):
 
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
-def test_commands_name_files_that_exist(path):
-    for target in re.findall(r"(?:pytest|python) (?:-\S+ )*((?:tests|records)/[\w/.]+)", path.read_text()):
-        assert (readmes.ROOT / target).exists(), target
-
-
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
-def test_folders_and_modules_that_are_named_exist(path):
-    for name in re.findall(r"`((?:src|cli|tests|tdint)/[\w/.]+)`", path.read_text()):
+def test_files_folders_and_modules_that_are_named_exist(path):
+    text = path.read_text()
+    for name in re.findall(r"(?:pytest|python) (?:-\S+ )*((?:tests|records)/[\w/.]+)", text):
+        assert (readmes.ROOT / name).exists(), name
+    for name in re.findall(r"`((?:src|cli|tests|tdint)/[\w/.]+)`", text):
         assert any((root / name).exists() for root in (readmes.ROOT, readmes.ROOT / "src")), name
 
 
@@ -128,9 +124,3 @@ def test_pages_are_short():
     assert {name: (count[name], most) for name, most in WORDS.items() if count.get(name, 0) > most} == {}
     assert set(count) <= set(WORDS)
     assert sum(count.values()) <= ALL_WORDS
-
-
-def test_the_source_archive_holds_every_readme():
-    settings = tomllib.loads((readmes.ROOT / "pyproject.toml").read_text())
-    included = settings["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
-    assert {path.relative_to(readmes.ROOT).parts[0] for path in readmes.files()} <= set(included)

@@ -42,6 +42,14 @@ def folder(tmp_path, monkeypatch):
     return work
 
 
+def wait_until(happened, seconds, told=lambda: ""):
+    """Wait for it; what is told when it does not happen."""
+    end = time.monotonic() + seconds
+    while not happened():
+        assert time.monotonic() < end, told()
+        time.sleep(0.01)
+
+
 class Command:
     """`tdint ARGUMENTS` in a session of its own, so that what it leaves running can be found."""
 
@@ -55,11 +63,13 @@ class Command:
         )  # fmt: skip
 
     def wait_for(self, happened, seconds=60.0):
-        end = time.monotonic() + seconds
-        while not happened():
+        def happened_or_ended():
+            if happened():
+                return True
             assert self.process.poll() is None, self.process.communicate()[1]
-            assert time.monotonic() < end
-            time.sleep(0.01)
+            return False
+
+        wait_until(happened_or_ended, seconds)
 
     def end(self, seconds=60.0):
         """Exit code, standard output, standard error."""
@@ -80,10 +90,7 @@ class Command:
         return found
 
     def nobody_is_left(self, seconds=10.0):
-        end = time.monotonic() + seconds
-        while self.children():
-            assert time.monotonic() < end, self.children()
-            time.sleep(0.02)
+        wait_until(lambda: not self.children(), seconds, self.children)
 
 
 @pytest.fixture

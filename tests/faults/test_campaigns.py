@@ -4,14 +4,17 @@ import json
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing, suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from faults.conftest import wait_until
 from tdint.campaign.store import FILE
 
 pytestmark = pytest.mark.slow
@@ -96,12 +99,6 @@ def test_a_signal_ends_a_campaign_in_time_and_it_goes_on(study, start, number):
     assert start("campaign", "status", "out").end()[0] == 0
 
 
-def need_dask() -> None:
-    """Skip without Dask; it is not imported here, where its warnings would be errors."""
-    if find_spec("distributed") is None:
-        pytest.skip("Dask is not installed")
-
-
 class Cluster:
     """A scheduler and workers of Dask as processes of their own."""
 
@@ -111,7 +108,7 @@ class Cluster:
         self.log = (folder / "cluster.log").open("w")
         scheme = "tls" if security else "tcp"
         self.processes = [self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0")]
-        self.wait_for(self.file.exists)
+        wait_until(self.file.exists, 90.0, (folder / "cluster.log").read_text)
 
     def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
@@ -127,12 +124,6 @@ class Cluster:
     def address(self) -> str:
         return str(json.loads(self.file.read_text())["address"])
 
-    def wait_for(self, happened, seconds: float = 90.0) -> None:
-        end = time.monotonic() + seconds
-        while not happened():
-            assert time.monotonic() < end, (self.folder / "cluster.log").read_text()
-            time.sleep(0.02)
-
     def end(self) -> None:
         for process in self.processes:
             process.kill()
@@ -142,7 +133,9 @@ class Cluster:
 
 @pytest.fixture
 def cluster(study):
-    need_dask()
+    # It is not imported here, where its warnings would be errors.
+    if find_spec("distributed") is None:
+        pytest.skip("Dask is not installed")
     started: list[Cluster] = []
 
     def begin(security: list[str] | None = None) -> Cluster:
@@ -155,17 +148,13 @@ def cluster(study):
 
 
 def chunks_done(folder: Path) -> int:
-    import sqlite3
-
-    if not (folder / FILE).exists():
-        return 0
-    connection = sqlite3.connect(f"file:{folder / FILE}?mode=ro", uri=True)
-    try:
-        return int(connection.execute("SELECT count(*) FROM chunks").fetchone()[0])
-    except sqlite3.OperationalError:  # not made yet
-        return 0
-    finally:
-        connection.close()
+    """None where the store, or its table, is not made yet."""
+    with (
+        suppress(sqlite3.OperationalError),
+        closing(sqlite3.connect(f"file:{folder / FILE}?mode=ro", uri=True)) as store,
+    ):
+        return int(store.execute("SELECT count(*) FROM chunks").fetchone()[0])
+    return 0
 
 
 def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster):

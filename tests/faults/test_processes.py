@@ -9,7 +9,7 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
-JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:8000")
+JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:4000")
 
 
 def tables(folder):
@@ -44,9 +44,12 @@ def test_a_command_with_workers_that_is_ended(folder, start, number, code):
         assert (folder / "out" / name).read_text().endswith("\n")
 
 
-def one_killed_worker(folder, start, done, which):
+@pytest.mark.parametrize(
+    ("done", "which"), [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))]
+)
+def test_a_killed_worker(folder, start, done, which):
     """A killed worker costs one record, which is named; the others are done."""
-    command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:2000")
+    command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:500")
     command.wait_for(
         lambda: (len(command.children()) == 2 and len(tables(folder)) >= done) or command.process.poll() is not None
     )
@@ -62,17 +65,6 @@ def one_killed_worker(folder, start, done, which):
     command.nobody_is_left()
 
 
-def test_a_killed_worker(folder, start):
-    one_killed_worker(folder, start, done=0, which=0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("done", [1, 3, 5])
-def test_a_killed_worker_again_and_again(folder, start, done):
-    """From the first record to the last but two."""
-    one_killed_worker(folder, start, done, which=1)
-
-
 @pytest.mark.slow
 def test_all_workers_killed_at_once(folder, start):
     command = start(*JOBS)
@@ -85,7 +77,7 @@ def test_all_workers_killed_at_once(folder, start):
 
 
 def test_a_run_that_is_ended_leaves_no_half_file(folder, start):
-    command = start("run", "model.yaml", "--history", "--plot", "-o", "out", "--dt", "2e-5")
+    command = start("run", "model.yaml", "--history", "-o", "out", "--dt", "2e-5")
     command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)
     if command.process.poll() is None:
         os.kill(command.process.pid, signal.SIGTERM)

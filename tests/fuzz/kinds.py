@@ -25,14 +25,23 @@ class Kind:
 
 
 @functools.cache
-def _sounds() -> tuple[dict[str, oracle.Sound], dict[str, tuple[oracle.Record, ...]]]:
-    sounds = {f"{place} {one.name}": one for place, one in enumerate(corpus())}
-    return sounds, {name: oracle.read(one.data, one.units) for name, one in sounds.items()}
+def _sounds() -> dict[str, oracle.Sound]:
+    return {f"{place} {one.name}": one for place, one in enumerate(corpus())}
+
+
+@functools.cache
+def _before(name: str) -> tuple[oracle.Record, ...]:
+    """What is read from a sound file."""
+    sound = _sounds()[name]
+    before = oracle.read(sound.data, sound.units)
+    if oracle.outcome(sound, before, sound.data) != oracle.SAME:
+        raise oracle.Failure("a sound file is not read twice as the same")
+    return before
 
 
 def _record(name: str, seed: int) -> str:
-    sounds, before = _sounds()
-    return oracle.outcome(sounds[name], before[name], mutated(sounds[name].data, seed))
+    sound = _sounds()[name]
+    return oracle.outcome(sound, _before(name), mutated(sound.data, seed))
 
 
 @functools.cache
@@ -41,7 +50,7 @@ def _models() -> dict[str, str]:
 
 
 KINDS = {
-    "records": Kind(lambda: list(_sounds()[0]), _record, oracle.OUTCOMES),
+    "records": Kind(lambda: list(_sounds()), _record, oracle.OUTCOMES),
     "models": Kind(
         lambda: list(_models()),
         lambda name, seed: model_files.outcome(_models()[name], model_files.damaged(_models()[name], seed)),
@@ -51,7 +60,7 @@ KINDS = {
         command_lines.names, lambda name, seed: run(command_lines.command_line(name, seed)), tuple(CODES.values())
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
-    "stores": Kind(stores.names, stores.outcome, stores.OUTCOMES),
+    "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),
     "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

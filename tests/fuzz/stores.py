@@ -33,11 +33,6 @@ _VALUES: tuple[object, ...] = (
 )
 
 
-def names() -> list[str]:
-    """What is damaged."""
-    return list(CALLS)
-
-
 @functools.cache
 def _whole(name: str) -> dict[str, bytes]:
     """The folder of a call that ended well."""

@@ -10,6 +10,7 @@ from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.reading.contents import read_contents
+from tdint.ground_motion.reading.read import read_record
 
 with quiet_import():
     from obspy import Stream, Trace, UTCDateTime
@@ -45,10 +46,21 @@ def obspy_data(name):
     return path if path.is_file() else None
 
 
-def refused(data, match):
-    """That a file's bytes are refused with these words."""
-    with pytest.raises(RecordError, match=match):
-        read_contents(bytes(data), "file")
+def need_obspy_data(name):
+    """The same; a test that needs it is skipped without it."""
+    return obspy_data(name) or pytest.skip("this obspy comes without its test data")
+
+
+def refused(source, match, **options):
+    """That a record is refused with these words: a file by its path, or bytes as they are."""
+    with pytest.raises(RecordError, match=match) as caught:
+        if isinstance(source, bytes | bytearray):
+            read_contents(bytes(source), "file")
+        else:
+            read_record(source, **options)
+    assert caught.value.exit_code == 4
+    if isinstance(source, str | Path):
+        assert str(caught.value).startswith(f"{source}: ")
 
 
 def refused_by(look, data, match):

@@ -103,31 +103,26 @@ def test_the_end_that_one_alone_has_is_left_out(samples, words):
     assert pair.notes == (f"{words} left out: the other component is shorter",)
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"), ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
-        ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"), ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
-        ("H-E01140.AT2", "H-E01230.AT2"), ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"), ("a/site_N.csv", "a/site_E.csv"),
-        ("site_EW.txt.gz", "site_NS.txt.gz"), ("RSN1-H1.txt", "RSN1-H2.txt"), ("RSN1_X000.AT2", "RSN1_X090.AT2"),
-        ("GM1_FN.AT2", "GM1_FP.AT2"), ("site.N.txt", "site.Z.txt"),
-    ],
-)  # fmt: skip
-def test_files_of_one_motion(one, other):
-    assert motion_name(one) == motion_name(other)
+SAME_MOTION = [
+    ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"), ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
+    ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"), ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
+    ("H-E01140.AT2", "H-E01230.AT2"), ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"), ("a/site_N.csv", "a/site_E.csv"),
+    ("site_EW.txt.gz", "site_NS.txt.gz"), ("RSN1-H1.txt", "RSN1-H2.txt"), ("RSN1_X000.AT2", "RSN1_X090.AT2"),
+    ("GM1_FN.AT2", "GM1_FP.AT2"), ("site.N.txt", "site.Z.txt"),
+]  # fmt: skip
+OTHER_MOTION = [
+    ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"), ("A.AT2", "B.AT2"),
+    ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"), ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
+    ("site_N.csv", "site_E.txt"), ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"),
+    ("one.N", "one.E"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"), ("A.AT2", "B.AT2"),
-        ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"), ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
-        ("site_N.csv", "site_E.txt"), ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"),
-        ("one.N", "one.E"),
-    ],
-)  # fmt: skip
-def test_files_of_different_motions(one, other):
-    assert motion_name(one) != motion_name(other)
+    ("one", "other", "same"), [*((*pair, True) for pair in SAME_MOTION), *((*pair, False) for pair in OTHER_MOTION)]
+)
+def test_files_of_one_motion(one, other, same):
+    assert (motion_name(one) == motion_name(other)) == same
 
 
 def test_pairs_by_names_that_are_given():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint.ground_motion.measures import (
@@ -82,6 +82,7 @@ def thousandths(value):
 class TestAgainstFineIntegration:
     """The same straight lines between samples, cut into 2000 pieces each."""
 
+    @settings(max_examples=30)
     @given(st.lists(st.floats(-5.0, 5.0).map(thousandths), min_size=2, max_size=8))
     def test_all(self, samples):
         pieces = 2000

@@ -65,47 +65,47 @@ def station_xml(path, *channels, **options):
     return path
 
 
+PULSE = wave(4000) * np.exp(-(((np.arange(4000) - 2000) / 300) ** 2))
+
+
+def read(folder, data, **options):
+    """The record of these counts, with the response of a file of one channel removed."""
+    path = write(folder / "a.mseed", trace(np.round(data).astype(np.int32)), encoding="INT32")
+    return read_record(path, inventory=str(station_xml(folder / "a.xml", "HNE", **options)))
+
+
 def test_flat_response(tmp_path):
     data = counts() + 1234
-    path = write(tmp_path / "a.mseed", trace(data))
-    inventory = station_xml(tmp_path / "a.xml", "HNE")
-    record = read_record(path, inventory=str(inventory))
+    record = read(tmp_path, data)
     np.testing.assert_allclose(record.acceleration, (data - data.mean()) / GAIN, atol=1e-9 * record.pga)
     assert any("zero offset" in note for note in record.notes)
     assert any(note.endswith("a.xml) is removed") for note in record.notes)
+    assert any("records M/S, not acceleration" in note for note in read(tmp_path, data, units="M/S").notes)
 
 
 def test_what_a_digital_filter_stops_is_faded_out(tmp_path):
     """Three taps, 1/4, 1/2 and 1/4, leave cos^2(pi f dt) of the amplitude."""
     taps = [0.25, 0.5, 0.25]
-    pulse = wave(4000) * np.exp(-(((np.arange(4000) - 2000) / 300) ** 2))
-    data = np.round(1e8 * np.convolve(pulse, taps, mode="same")).astype(np.int32)
-    inventory = station_xml(tmp_path / "a.xml", "HNE", taps=taps)
-    record = read_record(write(tmp_path / "a.mseed", trace(data), encoding="INT32"), inventory=inventory)
+    record = read(tmp_path, 1e8 * np.convolve(PULSE, taps, mode="same"), taps=taps)
     (note,) = (note for note in record.notes if "faded" in note)
     found = re.search(r"faded out from ([\d.]+) to ([\d.]+) Hz", note)
     for text, left in zip(found.groups(), (np.sqrt(0.5), 0.1), strict=True):
         assert float(text) == pytest.approx(np.arccos(np.sqrt(left)) / np.pi * 100.0, abs=0.02)
-    np.testing.assert_allclose(record.acceleration, 1e8 * pulse / GAIN, atol=1e-6 * record.pga)
-    assert len([note for note in record.notes if note.startswith("ObsPy")]) == 0
+    np.testing.assert_allclose(record.acceleration, 1e8 * PULSE / GAIN, atol=1e-6 * record.pga)
+    assert not any(note.startswith("ObsPy") for note in record.notes)
 
 
 def test_frequencies_that_were_stopped_stay_away(tmp_path):
     """Noise in the counts, which no ground motion behind the filter can have made, is not blown up."""
-    rng = np.random.default_rng(0)
-    path = write(tmp_path / "a.mseed", trace(rng.integers(-1000, 1000, 4000).astype(np.int32)))
-    inventory = station_xml(tmp_path / "a.xml", "HNE", taps=[1 / 64, 6 / 64, 15 / 64, 20 / 64, 15 / 64, 6 / 64, 1 / 64])
-    record = read_record(path, inventory=inventory)
+    noise = np.random.default_rng(0).integers(-1000, 1000, 4000)
+    record = read(tmp_path, noise, taps=[1 / 64, 6 / 64, 15 / 64, 20 / 64, 15 / 64, 6 / 64, 1 / 64])
     assert 1000 / GAIN < record.pga < 3000 / GAIN
 
 
 def test_a_motion_that_rests_at_its_ends_is_exact(tmp_path):
-    pulse = wave(4000) * np.exp(-(((np.arange(4000) - 2000) / 300) ** 2))
-    data = np.round(pulse * 1e8).astype(np.int32)
-    path = write(tmp_path / "a.mseed", trace(data), encoding="INT32")
-    record = read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
+    data = np.round(PULSE * 1e8)
     expected = (data - data.mean()) / GAIN
-    np.testing.assert_allclose(record.acceleration, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(read(tmp_path, data).acceleration, expected, rtol=0, atol=1e-6 * expected.max())
 
 
 def test_poles_are_undone(tmp_path):
@@ -114,19 +114,12 @@ def test_poles_are_undone(tmp_path):
     omega, time = 2 * np.pi * 2.0, np.arange(4000) * 0.01
     envelope = np.exp(-(((time - 20) / 5) ** 2))
     seen = corner / (corner + 1j * omega)
-    data = np.round(1e8 * envelope * (seen * np.exp(1j * omega * time)).imag).astype(np.int32)
-    inventory = station_xml(tmp_path / "a.xml", "HNE", poles=[-corner], factor=corner)
-    record = read_record(write(tmp_path / "a.mseed", trace(data), encoding="INT32"), inventory=inventory)
+    data = 1e8 * envelope * (seen * np.exp(1j * omega * time)).imag
+    record = read(tmp_path, data, poles=[-corner], factor=corner)
     expected = 1e8 / GAIN * envelope * np.sin(omega * time)
     # The envelope is slow, not constant: the closed form holds to the ratio of its rate to the corner.
     np.testing.assert_allclose(record.acceleration, expected, atol=4e-3 * expected.max())
     assert record.pga > 1.003 * np.abs(data).max() / GAIN
-
-
-def test_velocity_sensor_is_noted(tmp_path):
-    inventory = station_xml(tmp_path / "a.xml", "HNE", units="M/S")
-    record = read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=inventory)
-    assert any("records M/S, not acceleration" in note for note in record.notes)
 
 
 def test_every_component(tmp_path):
@@ -136,32 +129,27 @@ def test_every_component(tmp_path):
     np.testing.assert_allclose(north.acceleration, 2 * east.acceleration, rtol=1e-9, atol=1e-9)
 
 
-def test_missing_channel(tmp_path):
-    inventory = station_xml(tmp_path / "a.xml", "HNZ")
-    path = write(tmp_path / "a.mseed", trace(counts()))
-    with pytest.raises(
-        RecordError, match=r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ"
-    ):
-        read_record(path, inventory=inventory)
+@pytest.mark.parametrize(
+    ("channel", "start", "options", "message"),
+    [
+        ("HNZ", START, {}, r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ"),
+        ("HNE", START - 3600, {}, "has no response for"),
+        ("HNE", START, {"stages": False}, "without the stages of its response"),
+    ],
+    ids=["channel", "epoch", "stages"],
+)
+def test_what_is_missing(tmp_path, channel, start, options, message):
+    path = write(tmp_path / "a.mseed", trace(counts(), start=start))
+    with pytest.raises(RecordError, match=message):
+        read_record(path, inventory=station_xml(tmp_path / "a.xml", channel, **options))
 
 
-def test_missing_epoch(tmp_path):
-    inventory = station_xml(tmp_path / "a.xml", "HNE")
-    path = write(tmp_path / "a.mseed", trace(counts(), start=START - 3600))
-    with pytest.raises(RecordError, match="has no response for"):
-        read_record(path, inventory=inventory)
-
-
-def test_channel_without_stages(tmp_path):
-    inventory = station_xml(tmp_path / "a.xml", "HNE", stages=False)
-    with pytest.raises(RecordError, match="without the stages of its response"):
-        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=inventory)
-
-
-@pytest.mark.parametrize("data", [b"", b"no xml", b"<a/>", b"<FDSNStationXML", b"\x80\x04."])
+@pytest.mark.parametrize("data", [None, b"", b"no xml", b"<a/>", b"<FDSNStationXML", b"\x80\x04."])
 def test_no_station_xml(tmp_path, data):
-    (tmp_path / "a.xml").write_bytes(data)
-    with pytest.raises(RecordError, match=r"a\.xml: (the file is empty|cannot be read as StationXML)"):
+    if data is not None:
+        (tmp_path / "a.xml").write_bytes(data)
+    message = "there is no such file" if data is None else "the file is empty|cannot be read as StationXML"
+    with pytest.raises(RecordError, match=rf"a\.xml: ({message})"):
         read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "a.xml")
 
 
@@ -176,11 +164,6 @@ def test_entities_are_refused(tmp_path):
     path.write_bytes(b'<?xml version="1.0" encoding="utf-7"?><a/>')
     with pytest.raises(RecordError, match="cannot be read as StationXML"):
         read_instruments(path)
-
-
-def test_missing_inventory(tmp_path):
-    with pytest.raises(RecordError, match=r"b\.xml: there is no such file"):
-        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "b.xml")
 
 
 def test_file_with_units_of_its_own(tmp_path):

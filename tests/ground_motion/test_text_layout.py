@@ -37,6 +37,11 @@ def read(file, content, units=None, **layout):
     return read_records(file, units=units, layout=TextLayout(**layout))
 
 
+def fails(match, file, content, units=None, **layout):
+    with pytest.raises(RecordError, match=match):
+        read(file, content, units, **layout)
+
+
 class TestStep:
     def test_of_a_bare_column(self, file):
         (record,) = read(file, one_column(header=None), "gal", step=0.005)
@@ -51,8 +56,13 @@ class TestStep:
     def test_beside_a_count_of_the_samples(self, file):
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
         assert [record.component for record in read(file, counted, "gal", step=0.02)] == ["2", "3"]
-        with pytest.raises(RecordError, match=r"interval is 1 s, `step=0.02` contradicts it"):
-            read(file, table(["time,N,E"], np.arange(1, 61), *COLUMNS[:2]), "gal", step=0.02)
+        fails(
+            r"interval is 1 s, `step=0.02` contradicts it",
+            file,
+            table(["time,N,E"], np.arange(1, 61), *COLUMNS[:2]),
+            "gal",
+            step=0.02,
+        )
 
     @pytest.mark.parametrize(
         "content", [one_column(), two_columns(header=None), table(["t,N (g)"], times(0.01), COLUMNS[0])]
@@ -60,8 +70,7 @@ class TestStep:
     def test_never_against_the_file(self, file, content):
         units = None if "g" in content else "g"
         assert read(file, content, units, step=0.01)[0].dt == 0.01
-        with pytest.raises(RecordError, match=r"own sampling interval is 0.01 s, `step=0.02` contradicts it"):
-            read(file, content, units, step=0.02)
+        fails(r"own sampling interval is 0.01 s, `step=0.02` contradicts it", file, content, units, step=0.02)
 
     @pytest.mark.parametrize("name", sorted(SAMPLES))
     def test_is_compared_in_every_format(self, file, name):
@@ -69,8 +78,7 @@ class TestStep:
         units = "gal" if content[:1].isdigit() else None
         dt = read(file, content, units)[0].dt
         assert read(file, content, units, step=dt)[0].dt == dt
-        with pytest.raises(RecordError, match="contradicts it; leave it out"):
-            read(file, content, units, step=2.0 * dt)
+        fails("contradicts it; leave it out", file, content, units, step=2.0 * dt)
 
 
 class TestColumn:
@@ -85,8 +93,7 @@ class TestColumn:
 
     def test_a_unit_is_that_of_its_own_column(self, file):
         content = table(["time,N (g),E"], times(), *COLUMNS[:2])
-        with pytest.raises(RecordError, match="E: the file does not tell the units"):
-            read(file, content)
+        fails("E: the file does not tell the units", file, content)
         assert [record.units_from for record in read(file, content, "g")] == ["file", "given"]
 
     def test_several(self, file):
@@ -95,9 +102,8 @@ class TestColumn:
 
     def test_a_velocity_is_differentiated(self, file):
         (record,) = read(file, self.content, column="vel")
+        speed = np.gradient(COLUMNS[2], 0.02) * 0.01
         assert record.quantity == "velocity"
-        t = times()
-        speed = np.gradient(COLUMNS[2], t[1]) * 0.01
         np.testing.assert_allclose(record.acceleration[1:-1], speed[1:-1], atol=1e-12)
 
     @pytest.mark.parametrize(
@@ -115,21 +121,22 @@ class TestColumn:
         ],
     )
     def test_refused(self, file, wanted, units, message):
-        with pytest.raises(RecordError, match=message):
-            read(file, self.content, units, column=wanted)
+        fails(message, file, self.content, units, column=wanted)
 
     def test_the_kind_of_a_name_and_of_the_users_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
-            with pytest.raises(RecordError, match="the file calls the samples a"):
-                read(file, table([f"Time,{name}"], times(), COLUMNS[0]), units)
+            fails("the file calls the samples a", file, table([f"Time,{name}"], times(), COLUMNS[0]), units)
 
-    def test_equal_names_and_none(self, file):
-        with pytest.raises(RecordError, match="columns 2 and 3 are called 'a'; give the number"):
-            read(file, table(["t,a,a"], times(), *COLUMNS[:2]), "g", column="a")
-        with pytest.raises(RecordError, match="the table has no names of columns; give its number"):
-            read(file, table([], times(), *COLUMNS[:2]), "g", column="a")
-        with pytest.raises(RecordError, match="do not tell the acceleration; choose one by `column`: P1, P2"):
-            read(file, table(["s;P1;P2"], times(), *COLUMNS[:2], separator=";"), "g", step=0.02, skip_lines=0)
+    @pytest.mark.parametrize(
+        ("names", "layout", "message"),
+        [
+            (["t,a,a"], {"column": "a"}, "columns 2 and 3 are called 'a'; give the number"),
+            ([], {"column": "a"}, "the table has no names of columns; give its number"),
+            (["s,P1,P2"], {"step": 0.02}, "do not tell the acceleration; choose one by `column`: P1, P2"),
+        ],
+    )
+    def test_equal_names_and_none(self, file, names, layout, message):
+        fails(message, file, table(names, times(), *COLUMNS[:2]), "g", **layout)
 
     def test_names_in_a_comment(self, file):
         (record,) = read(file, table(["# recorded at night", "# t p7 p8"], times(), *COLUMNS[:2]), "gal", column="p8")
@@ -151,19 +158,15 @@ class TestSkippedLines:
 
     def test_too_few_or_too_many(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
-        with pytest.raises(RecordError, match=r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`"):
-            read(file, content, "g", step=0.01)
-        with pytest.raises(RecordError, match=r"unknown format, and no table of numbers stands below its first 500"):
-            read(file, content, "g", skip_lines=500)
-        with pytest.raises(RecordError, match=r"begins in line 3: tell by `step` and `column`, past"):
-            read(file, content, "g")
+        fails(r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`", file, content, "g", step=0.01)
+        fails(r"unknown format, and no table of numbers stands below its first 500", file, content, "g", skip_lines=500)
+        fails(r"begins in line 3: tell by `step` and `column`, past", file, content, "g")
 
 
 def test_other_formats_have_no_columns(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
         for given in ({"column": "2"}, {"skip_lines": 1}):
-            with pytest.raises(RecordError, match=f"is given, but the file is {name}, which tells itself"):
-                read(file, SAMPLES[name][0](), **given)
+            fails(f"is given, but the file is {name}, which tells itself", file, SAMPLES[name][0](), **given)
 
 
 def test_in_a_folder_and_of_one_component(file):

@@ -4,27 +4,69 @@ against it."""
 import numpy as np
 import pytest
 
-from ground_motion.files import counts, trace, wave, write
+from ground_motion.files import counts, refused, trace, wave, write
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.units import STANDARD_GRAVITY, parse_units
 
 
+class TestTexts:
+    @pytest.mark.parametrize(
+        ("text", "scale"),
+        [
+            ("m/s^2", 1.0), ("m/s2", 1.0), ("m/s**2", 1.0), ("M/S**2", 1.0), ("m/s/s", 1.0), ("m/sec^2", 1.0),
+            ("m/s²", 1.0), ("cm/s^2", 0.01), ("CM/SEC/SEC", 0.01), ("gal", 0.01), ("Gal", 0.01), ("gals", 0.01),
+            ("mm/s2", 0.001), ("g", STANDARD_GRAVITY), ("G", STANDARD_GRAVITY), ("2.38e-6 m/s^2", 2.38e-6),
+            ("2.38E-6m/s2", 2.38e-6), (" .5 g ", 0.5 * STANDARD_GRAVITY), ("1. gal", 0.01), ("3*mm/s^2", 0.003),
+            ("in/s^2", 0.0254), ("ft/sec2", 0.3048),
+        ],
+    )  # fmt: skip
+    def test_spellings(self, text, scale):
+        units = parse_units(text)
+        assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), "acceleration")
+        assert units.has_factor == any(c in text for c in ".3")
+
+    @pytest.mark.parametrize(
+        ("text", "scale", "quantity"),
+        [("cm/s", 0.01, "velocity"), ("1e-3 in/s", 2.54e-5, "velocity"), ("mm", 1e-3, "displacement")],
+    )
+    def test_other_quantities(self, text, scale, quantity):
+        units = parse_units(text)
+        assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), quantity)
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            *(
+                (text, r"use one of m/s\^2, cm/s\^2, gal, mm/s\^2, g")
+                for text in ("", "m/s^", "mg", "2.38e-6", "m/s^3", "1 2 gal", "gal gal")
+            ),
+            ("gall", "did you mean 'gal'"),
+            *((text, "positive") for text in ("0 gal", "-1 m/s^2", "1e999 g")),
+            # No guess at another dimension
+            *((text, "^(?!.*did you mean).*use one of") for text in ("kg", "V", "counts", "%g")),
+            # A long text is not repeated.
+            ("x" * 100_000, r"^.{0,300}$"),
+        ],
+    )
+    def test_unknown(self, text, message):
+        with pytest.raises(UsageError, match=message):
+            parse_units(text)
+
+
 class TestAssumption:
     @pytest.mark.parametrize("code", ["HNE", "BN1", "ENZ", "HN2"])
     def test_an_accelerometer_in_miniseed(self, tmp_path, code, caplog):
         record = read_record(write(tmp_path / "a", trace(wave(), channel=code)))
-        assert (record.units, record.units_from) == ("m/s^2", "assumed")
-        assert record.pga == 3.0
+        assert (record.units, record.units_from, record.pga) == ("m/s^2", "assumed", 3.0)
         assert "is assumed" in record.warnings[0]
         assert "is assumed" in caplog.text
 
     @pytest.mark.parametrize("code", ["EHZ", "BHE", "HHN", "HGZ", "", "N", "X"])
     def test_another_channel(self, tmp_path, code):
         path = write(tmp_path / "a", trace(wave(), channel=code))
-        with pytest.raises(RecordError, match="is no accelerometer's channel"):
-            read_record(path)
+        refused(path, "is no accelerometer's channel")
         assert read_record(path, units="m/s^2").units_from == "given"
 
     @pytest.mark.parametrize(
@@ -38,8 +80,7 @@ class TestAssumption:
     )
     def test_numbers_that_speak_against_it(self, tmp_path, samples, doubt):
         path = write(tmp_path / "a", trace(samples))
-        with pytest.raises(RecordError, match=doubt):
-            read_record(path)
+        refused(path, doubt)
         assert read_record(path, units="m/s^2").pga == np.max(np.abs(samples))
 
     def test_small_offsets_and_zeros_do_not(self, tmp_path):
@@ -49,46 +90,72 @@ class TestAssumption:
     @pytest.mark.parametrize("format", ["SAC", "SLIST", "TSPAIR", "SH_ASC"])
     def test_other_formats_are_refused_like_counts(self, tmp_path, format):
         samples = wave().astype(np.float32) if format == "SAC" else wave()
-        write(tmp_path / "a", trace(samples), format=format)
-        with pytest.raises(RecordError, match="does not tell the units of its samples; say what"):
-            read_record(tmp_path / "a")
-        assert read_record(tmp_path / "a", units="g").pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+        path = write(tmp_path / "a", trace(samples), format=format)
+        refused(path, "does not tell the units of its samples; say what")
+        record = read_record(path, units="g")
+        assert record.pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+        assert (record.units, record.units_from, record.warnings) == ("g", "given", ())
 
-    def test_counts_stay_refused(self, tmp_path):
-        with pytest.raises(RecordError, match="counts of a recorder"):
-            read_record(write(tmp_path / "a", trace(counts())))
+
+class TestCounts:
+    def test_need_the_value_of_one(self, tmp_path):
+        path = write(tmp_path / "a", trace(counts()))
+        refused(path, r"counts of a recorder.*value of one count.*StationXML")
+        refused(path, 'write "1 gal" if one count is 1 gal', units="gal")
+        assert read_record(path, units="1 gal").pga == 1000.0
+
+    def test_calibration_factor_without_unit(self, tmp_path):
+        path = write(tmp_path / "a", trace(counts(), calib=0.25), format="GSE2")
+        refused(path, r"calibration factor 0\.25 has no unit")
+        record = read_record(path, units="1e-5 m/s^2")
+        assert record.pga == pytest.approx(1.0)
+        assert any("0.25 is not applied" in note for note in record.notes)
+
+
+class TestHeaders:
+    @pytest.mark.parametrize(
+        ("stated", "given", "message"),
+        [
+            ("COUNTS", None, "counts of a recorder"),
+            ("CM/S**2", "g", r"gives its units \(CM/S\*\*2\), g contradicts"),
+            ("V", "m/s^2", "which is no ground motion"),
+            ("CM/S", "cm/s^2", "contradicts"),
+        ],
+    )
+    def test_contradictions(self, tmp_path, stated, given, message):
+        refused(write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST"), message, units=given)
+
+    @pytest.mark.parametrize(("stated", "given", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)])
+    def test_agreements(self, tmp_path, stated, given, pga):
+        path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
+        assert read_record(path, units=given).pga == pytest.approx(pga)
+
+    # LEVEN, false, and IFTYPE, a spectrum: words of the header that obspy does not write otherwise.
+    @pytest.mark.parametrize(
+        ("header", "words", "message"),
+        [
+            ({"idep": 7}, {}, "a velocity"),
+            ({"idep": 6}, {}, "a displacement"),
+            ({}, {105: 0}, "not an evenly sampled"),
+            ({}, {85: 2}, "not an evenly sampled"),
+        ],
+    )
+    def test_sac_of_something_else(self, tmp_path, header, words, message):
+        path = write(tmp_path / "a", trace(wave(), sac=header), format="SAC", byteorder="<")
+        data = bytearray(path.read_bytes())
+        for word, value in words.items():
+            data[4 * word : 4 * word + 4] = value.to_bytes(4, "little")
+        path.write_bytes(data)
+        refused(path, message)
+
+    def test_both_units_and_inventory(self, tmp_path):
+        with pytest.raises(UsageError, match="leave one of them out"):
+            read_record(write(tmp_path / "a", trace(wave())), units="g", inventory="station.xml")
 
 
 def test_units_that_cannot_be_right(tmp_path):
     path = write(tmp_path / "a", trace(wave()))
-    with pytest.raises(
-        RecordError, match=r"the largest acceleration would be 3e\+20 m/s\^2; the units cannot be right"
-    ):
-        read_record(path, units="1e20 m/s^2")
-
-
-class TestOtherUnits:
-    @pytest.mark.parametrize(
-        ("text", "scale", "quantity"),
-        [
-            ("in/s^2", 0.0254, "acceleration"), ("ft/sec2", 0.3048, "acceleration"), ("cm/s", 0.01, "velocity"),
-            ("1e-3 in/s", 2.54e-5, "velocity"), ("mm", 1e-3, "displacement"),
-        ],
-    )  # fmt: skip
-    def test_quantity(self, text, scale, quantity):
-        units = parse_units(text)
-        assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), quantity)
-
-    @pytest.mark.parametrize("text", ["kg", "V", "counts", "%g"])
-    def test_no_guess_at_another_dimension(self, text):
-        with pytest.raises(UsageError) as caught:
-            parse_units(text)
-        assert "did you mean" not in str(caught.value)
-
-    def test_the_message_does_not_repeat_a_long_text(self):
-        with pytest.raises(UsageError) as caught:
-            parse_units("x" * 100_000)
-        assert len(str(caught.value)) < 300
+    refused(path, r"the largest acceleration would be 3e\+20 m/s\^2; the units cannot be right", units="1e20 m/s^2")
 
 
 class TestDifferentiation:
@@ -110,13 +177,10 @@ class TestDifferentiation:
         assert (found[0], found[-1]) == (found[1], found[-2])
 
     def test_of_a_file(self, tmp_path):
-        path = write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST")
-        record = read_record(path)
+        record = read_record(write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST"))
         assert (record.quantity, record.units, record.units_from) == ("velocity", "CM/S", "file")
         assert record.notes[0].startswith("the velocity of the file is differentiated")
         assert record.pga == pytest.approx(0.005 * 2.0 * np.pi * 1.3, rel=5e-3)
-        with pytest.raises(RecordError, match="contradicts"):
-            read_record(path, units="cm/s^2")
 
     def test_too_few_samples(self, tmp_path):
         with pytest.raises(RecordError, match="too few to be differentiated"):

@@ -116,12 +116,6 @@ def test_peak_oriented_loop_by_hand():
     assert forces[-2:] == pytest.approx([turn, turn + HARDENING * K * 0.02], rel=1e-10)
 
 
-def test_peak_oriented_unloading_stiffness_degrades():
-    law_parameters = law_table("peak-oriented", FY, HARDENING, 0.5)
-    forces, _, _ = follow(law_parameters, [0.08, 0.079])
-    assert (forces[0] - forces[1]) / 0.001 == pytest.approx(K * (0.02 / 0.08) ** 0.5, rel=1e-9)
-
-
 def _origin_oriented():
     """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of the stiffness; one row
     of its own: how often it has turned there."""

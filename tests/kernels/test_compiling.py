@@ -1,5 +1,6 @@
 """Object files of kernels: never stale, never in the way, loaded without the compiler."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 from small_kernel import scaled
 from tdint import load_model
 from tdint.analysis.run.prepared import of_model
-from tdint.errors import OutputError
+from tdint.errors import AnalysisError, OutputError
 from tdint.kernels.building import compilable, obtaining, store
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
 from tdint.kernels.building.compiler import called, objects_of, specialized
@@ -69,34 +70,35 @@ def small(tmp_path):
     return tmp_path
 
 
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty folder where kernels are kept, and no other."""
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
+    monkeypatch.delenv("TDINT_KERNELS_DIR", raising=False)
+    return tmp_path
+
+
 def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
-    cache = {"TDINT_CACHE_DIR": str(small / "cache")}
-    first = python(CALL, small, **cache).splitlines()
-    assert first[0].startswith("compiling 1 time loop for this machine, once, about 5 s: small (kept in ")
-    assert first[1:] == ["24.0", "24.0", "False"]
-    assert python(CALL, small, **cache).splitlines() == ["24.0", "24.0", "False"]
-    (file,) = (small / "cache").rglob("*.object")
-    code, about = unpack(file.read_bytes())
-    assert code[1:4] == b"ELF" or sys.platform != "linux"
-    assert about["kernel"] == "small:scaled"
-    assert not list((small / "cache").rglob("*.part"))
-    # A folder that is named is taken as it is, and not written.
-    shared = {"TDINT_KERNELS_DIR": str(small / "cache"), "TDINT_CACHE_DIR": str(small / "other")}
-    assert python(CALL, small, **shared).splitlines() == ["24.0", "24.0", "False"]
-    assert not (small / "other").exists()
-
-
-def test_two_processes_that_compile_at_once_and_one_that_finds_a_cut_off_object(small):
-    cache = {"TDINT_CACHE_DIR": str(small / "cache")}
+    """By one of three processes that want it at once: the others wait, unless they come when it is done."""
+    cache, computed = {"TDINT_CACHE_DIR": str(small / "cache")}, ["24.0", "24.0", "False"]
     said = [printed(process).splitlines() for process in [started(CALL, small, **cache) for _ in range(3)]]
-    assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
-    # One compiles; the others wait for it, unless they come when it is done.
-    assert sum(line.startswith("compiling") for lines in said for line in lines) == 1
+    assert all(lines[-3:] == computed for lines in said)
+    (told,) = (line for lines in said for line in lines if line.startswith("compiling"))
+    assert told.startswith("compiling 1 time loop for this machine, once, about 5 s: small (kept in ")
     (file,) = (small / "cache").rglob("*.object")
     whole = file.read_bytes()
+    code, about = unpack(whole)
+    assert code[1:4] == b"ELF" or sys.platform != "linux"
+    assert about["kernel"] == "small:scaled"
+    # A folder that is named is taken as it is, and not written.
+    shared = {"TDINT_KERNELS_DIR": str(small / "cache"), "TDINT_CACHE_DIR": str(small / "other")}
+    assert python(CALL, small, **shared).splitlines() == computed
+    assert not (small / "other").exists()
+    # An object that is cut off is compiled anew.
     file.write_bytes(whole[:-100])
-    assert python(CALL, small, **cache).splitlines()[1:] == ["24.0", "24.0", "False"]
+    assert python(CALL, small, **cache).splitlines()[1:] == computed
     unpack(file.read_bytes())
+    assert not list((small / "cache").rglob("*.part"))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
@@ -147,13 +149,15 @@ def test_what_a_run_needs_is_compiled_and_no_more():
         assert set(variants[name].values()) == {variant}
 
 
-def packed(name, processor, **other):
+SOME = Target("some", "")
+
+
+def packed(name, processor=SOME, **other):
     """An object of a kernel for everything, but for what is said otherwise."""
     return pack(b"machine code", {**store.identity(name, "all", processor), "symbol": "b", **other})
 
 
-def test_a_building_s_own_kernel_serves_before_the_one_for_everything(tmp_path, monkeypatch):
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
+def test_a_building_s_own_kernel_serves_before_the_one_for_everything(cache, monkeypatch):
     monkeypatch.setattr(compilable, "WHOLE", False)
     served = []
     monkeypatch.setattr(obtaining, "_load", lambda kernel, variant, code, symbol: served.append(code) or True)
@@ -215,14 +219,11 @@ HARMS = ["cut off", "changed", "open to others", "of another", "a folder", "a pi
 
 
 @pytest.mark.parametrize("harm", [*HARMS, "kernel", "variant", "target", "platform", "sources", "convention"])
-def test_a_damaged_object_is_not_loaded(tmp_path, monkeypatch, harm):
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
-    monkeypatch.delenv("TDINT_KERNELS_DIR", raising=False)
-    target = Target("some", "")
-    data = packed("a:b", target)
-    path = store.keep(data, "a:b", "all", target)
-    assert store.look_up("a:b", "all", (Target("none", ""), target))[1:] == (b"machine code", "b")
-    assert store.look_up("a:b", "linear", (target,)) is None
+def test_a_damaged_object_is_not_loaded(cache, harm):
+    data = packed("a:b")
+    path = store.keep(data, "a:b", "all", SOME)
+    assert store.look_up("a:b", "all", (Target("none", ""), SOME))[1:] == (b"machine code", "b")
+    assert store.look_up("a:b", "linear", (SOME,)) is None
     match harm:
         case "cut off":
             path.write_bytes(data[:-1])
@@ -248,11 +249,11 @@ def test_a_damaged_object_is_not_loaded(tmp_path, monkeypatch, harm):
         case "symbol":  # what stands in the head is hashed with the code
             path.write_bytes(data.replace(b'"symbol": "b"', b'"symbol": "c"'))
         case _:  # a sound object of something else under this one's name
-            path.write_bytes(packed("a:b", target, **{harm: "other"}))
-    assert store.look_up("a:b", "all", (target,)) is None
+            path.write_bytes(packed("a:b", **{harm: "other"}))
+    assert store.look_up("a:b", "all", (SOME,)) is None
     if harm not in ("a folder", "a pipe"):
-        store.keep(data, "a:b", "all", target)
-        assert store.look_up("a:b", "all", (target,))[1:] == (b"machine code", "b")
+        store.keep(data, "a:b", "all", SOME)
+        assert store.look_up("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
 
 
 def test_a_folder_that_cannot_be_written_costs_only_time(small):
@@ -262,24 +263,22 @@ def test_a_folder_that_cannot_be_written_costs_only_time(small):
     assert output.count("24.0") == 2
 
 
-def test_kernels_can_be_run_as_they_are_written(small):
-    output = python(CALL, small, TDINT_CACHE_DIR=str(small / "cache"), TDINT_KERNELS="python")
-    assert output.splitlines() == ["24.0", "24.0", "False"]
-    assert not (small / "cache").exists()
+def test_kernels_can_be_run_as_they_are_written(cache, monkeypatch):
+    monkeypatch.setenv("TDINT_KERNELS", "python")
+    assert Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0) == 24.0
+    assert not list(cache.iterdir())
 
 
-def test_what_is_long_unused_is_removed(tmp_path, monkeypatch):
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
-    target, data = Target("some", ""), packed("a:used", Target("some", ""))
-    versions, other = tmp_path / "kernels-0123456789abcdef", tmp_path / "something"
+def test_what_is_long_unused_is_removed(cache):
+    versions, other = cache / "kernels-0123456789abcdef", cache / "something"
     versions.mkdir()
     other.mkdir()
-    files = [store.keep(data, name, "all", target) for name in ("a:used", "a:unused")]
+    files = [store.keep(packed("a:used"), name, "all", SOME) for name in ("a:used", "a:unused")]
     for old in (versions, other, *files):
         os.utime(old, (0, 0))
-    assert store.look_up("a:used", "all", (target,))
-    current = store.keep(data, "a:new", "all", target)
-    assert current.parent == tmp_path / store.folder_name()
+    assert store.look_up("a:used", "all", (SOME,))
+    current = store.keep(packed("a:used"), "a:new", "all", SOME)
+    assert current.parent == cache / store.folder_name()
     assert other.exists()
     assert not versions.exists()
     assert [file.exists() for file in files] == [True, False]
@@ -332,26 +331,24 @@ def test_a_variant_is_read_as_it_is_written():
         parse("linear+else")
 
 
-def test_objects_are_removed_and_the_package_holds_none(tmp_path, monkeypatch):
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
-    target = Target("some", "")
-    path = store.keep(packed("a:b", target), "a:b", "all", target)
-    old = tmp_path / "kernels-0123456789abcdef"
+def test_objects_are_removed_and_the_package_holds_none(cache, monkeypatch):
+    path = store.keep(packed("a:b"), "a:b", "all", SOME)
+    old = cache / "kernels-0123456789abcdef"
     old.mkdir()
     (old / "an.object").write_bytes(b"")
-    (tmp_path / "references").mkdir()
+    (cache / "references").mkdir()
     assert store.clean() == 2
     assert not path.exists()
-    assert [one.name for one in tmp_path.iterdir()] == ["references"]
+    assert [left.name for left in cache.iterdir()] == ["references"]
     monkeypatch.delenv("TDINT_CACHE_DIR")
     assert not store.writable().is_relative_to(Path(store.__file__).parents[2])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no umask")
 def test_a_shared_folder_can_be_read_by_others_whatever_the_umask(tmp_path):
-    target, before = Target("some", ""), os.umask(0o077)
+    before = os.umask(0o077)
     try:
-        path = store.keep(packed("a:b", target), "a:b", "all", target, tmp_path / "shared" / "kernels")
+        path = store.keep(packed("a:b"), "a:b", "all", SOME, tmp_path / "shared" / "kernels")
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o644
@@ -359,25 +356,22 @@ def test_a_shared_folder_can_be_read_by_others_whatever_the_umask(tmp_path):
         assert folder.stat().st_mode & 0o777 == 0o755
 
 
-def test_objects_that_came_with_the_package_serve_last(tmp_path, monkeypatch):
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(store, "_PREBUILT", tmp_path / "prebuilt")
-    target = Target("some", "")
-    prebuilt = tmp_path / "prebuilt" / sys.platform / store.file_name("a:b", "all", target)
+def test_objects_that_came_with_the_package_serve_last(cache, monkeypatch):
+    monkeypatch.setattr(store, "_PREBUILT", cache / "prebuilt")
+    prebuilt = cache / "prebuilt" / sys.platform / store.file_name("a:b", "all", SOME)
     prebuilt.parent.mkdir(parents=True)
-    prebuilt.write_bytes(packed("a:b", target))
-    assert store.look_up("a:b", "all", (target,))[0] == prebuilt
-    assert not store.has("a:b", "all", target)
-    kept = store.keep(packed("a:b", target), "a:b", "all", target)
-    assert store.look_up("a:b", "all", (target,))[0] == kept
+    prebuilt.write_bytes(packed("a:b"))
+    assert store.look_up("a:b", "all", (SOME,))[0] == prebuilt
+    assert not store.has("a:b", "all", SOME)
+    kept = store.keep(packed("a:b"), "a:b", "all", SOME)
+    assert store.look_up("a:b", "all", (SOME,))[0] == kept
 
 
-def test_without_the_compiler_a_loop_that_is_not_there_is_named(small):
-    hidden = "import importlib.util\nimportlib.util.find_spec = lambda name, package=None: None\n"
-    call = "try:\n    import small, tdint.errors, numpy\n    small.scaled.compiled(numpy.ones(2), 1.0)\n"
-    caught = "except tdint.errors.AnalysisError as error:\n    print(error)\n"
-    said = python(hidden + call + caught, small, TDINT_CACHE_DIR=str(small / "cache"))
-    assert "small:scaled: not among the compiled loops that came with tdint; to compile, install numba" in said
+def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
+    said = "small_kernel:scaled: not among the compiled loops that came with tdint; to compile, install numba"
+    with pytest.raises(AnalysisError, match=said):
+        _ = Kernel(scaled.function, scaled.signature, ()).compiled
 
 
 def test_why_a_kernel_of_another_module_cannot_be_compiled():

@@ -66,46 +66,51 @@ def test_loops_of_opensees(case, rows):
     assert np.max(np.abs((path.recoverable + path.dissipated)[1:] - work)) < 2e-5
 
 
-def test_a_loop_by_hand():
-    """Backbone (1, 1), (3, 2), then flat. From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a
-    quarter of the force, no farther from (-1, -1) than the line of k, up to that."""
-    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9])
-    pinched = -0.1 - 0.15 * (0.9 - 0.2) / (0.9 + 0.25)
-    assert path.shear == pytest.approx([0, 1, 2, -0.1, pinched, -0.25, -0.5, -1, -1.5, 2.0], abs=1e-12)
+FLAT = ((1, 1), (3, 2), (5, 2), (7, 2))
 
 
-def test_the_way_to_a_point_of_reloading_that_lies_before_the_unloading_one():
-    """Without pinching of the drift it lies on the axis: from (1.01, 1.005) straight to a quarter of the force."""
-    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.0, 0.25, 0.05)), [0, 1.01, 0.505, 0, -0.5, -1])
-    assert path.shear == pytest.approx([0, 1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1], abs=1e-12)
+def pinched(drift):
+    """On the way from (3, 2) with the usual pinching: from 0.05 F3 past zero force on to a quarter of the force."""
+    return -0.1 - 0.15 * (0.9 - drift) / (0.9 + 0.25)
 
 
-def test_an_unloading_force_above_that_of_reloading_by_hand():
-    """0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off their mean, each on the line that it was on."""
-    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.5, 0.3, 0.2)), [0, 3, 0.6535, -0.3535, -1])
-    assert path.shear == pytest.approx([0, 2, -0.3465, -0.3535, -1], abs=1e-12)
+BACK = pinched(0.5) + 0.01 * (2.0 - pinched(0.5)) / 2.5
+BY_HAND = [
+    # From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a quarter of the force, no farther
+    # from (-1, -1) than the line of k, up to that.
+    (USUAL, [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9], [1, 2, -0.1, pinched(0.2), -0.25, -0.5, -1, -1.5, 2.0]),
+    # Without pinching of the drift reloading begins on the axis, before unloading ends: from (1.01, 1.005) straight to
+    # a quarter of the force.
+    ((0.0, 0.25, 0.05), [1.01, 0.505, 0, -0.5, -1], [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1]),
+    # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off
+    # their mean, each on the line that it was on.
+    ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
+    # Small turns on the pinched part: back from 0.5 by the straight line to (3, 2), and from 0.51, where the force is
+    # beyond 0.05 F3 already, straight to where reloading begins.
+    (
+        USUAL,
+        [3, 0.5, 0.51, 0.13, -0.25, -1],
+        [2, pinched(0.5), BACK, BACK - (0.25 + BACK) * (0.51 - 0.13) / (0.51 + 0.25), -0.25, -1],
+    ),
+]
+
+
+@pytest.mark.parametrize(("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"])
+def test_loops_by_hand(pinching, drifts, shears):
+    """Backbone (1, 1), (3, 2), then flat."""
+    assert along(multilinear(FLAT, pinching), [0, *drifts]).shear[1:] == pytest.approx(shears, abs=1e-12)
 
 
 def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
     """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is beyond the capacity."""
-    points, drifts = ((1, 1), (3, 2), (5, 2), (7, 2)), [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
-    intact = along(multilinear(points), drifts)
+    drifts = [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
+    intact = along(multilinear(FLAT), drifts)
     work = intact.recoverable + intact.dissipated
     assert max(*work[1:3], work[4]) < 4.0 < work[3]
     lost = (*INTACT[:5], 0.0, 0.0, 1.0, 1.0, 0.2, *INTACT[:5], 4.0 / (0.5 + 3.0 + 4.0 * 2.0))
-    path = along(multilinear(points, degradation=lost), drifts)
+    path = along(multilinear(FLAT, degradation=lost), drifts)
     assert path.shear[:4] == pytest.approx(intact.shear[:4], abs=1e-12)
     assert path.shear[5:] == pytest.approx([0.5, 1.25, 2.0, 2.0], abs=1e-12)
-
-
-def test_small_turns_on_the_pinched_part_by_hand():
-    """Of the loop above: back from 0.5 by the straight line to (3, 2), and from 0.51, where the force is beyond 0.05 F3
-    already, straight to where reloading begins."""
-    path = along(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 3, 0.5, 0.51, 0.13, -0.25, -1])
-    pinched = -0.1 - 0.15 * (0.9 - 0.5) / (0.9 + 0.25)
-    back = pinched + 0.01 * (2.0 - pinched) / 2.5
-    on = back - (0.25 + back) * (0.51 - 0.13) / (0.51 + 0.25)
-    assert path.shear == pytest.approx([0, 2, pinched, back, on, -0.25, -1], abs=1e-12)
 
 
 def test_steps_do_not_matter():

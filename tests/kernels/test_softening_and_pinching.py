@@ -248,17 +248,6 @@ def test_before_its_capping_the_imk_law_in_growing_cycles_is_the_peak_oriented_o
     assert imposed(law, path).dissipated == pytest.approx(clough.dissipated, abs=1e-9)
 
 
-@pytest.mark.parametrize("pinching", [(1.0, 1.0), (0.3, 0.5)])
-def test_a_large_capacity_is_none(pinching):
-    path = random_path(3, 9.0)
-    without = imposed(imk(pinching=pinching), path).shear
-    errors = [
-        np.max(np.abs(imposed(imk(deterioration=d, pinching=pinching), path).shear - without)) for d in (1e6, 1e8)
-    ]
-    assert errors[0] < 1e-3
-    assert errors[1] < 0.02 * errors[0]
-
-
 # ---- By hand
 
 

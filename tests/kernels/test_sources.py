@@ -33,6 +33,12 @@ def copy(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def digests(copy):
+    """Of the kernels of the copy as it is: with all laws, in a linear building."""
+    return [line.split() for line in printed(DIGESTS, copy).splitlines()]
+
+
 def printed(code, folder):
     """What a program prints that has the package in a folder."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -41,18 +47,22 @@ def printed(code, folder):
     ).stdout
 
 
-def changed(folder, file, text="# A remark\n"):
+@pytest.fixture
+def changed(copy, digests):
     """The kernels that are compiled anew after an edit of a file: with all laws, in a linear building."""
-    before = [line.split() for line in printed(DIGESTS, folder).splitlines()]
-    path = folder / "tdint" / file
-    old = path.read_text()
-    path.write_text(old + text)
-    try:
-        after = [line.split() for line in printed(DIGESTS, folder).splitlines()]
-    finally:
-        path.write_text(old)
-    pairs = list(zip(before, after, strict=True))
-    return [{one[0] for one, other in pairs if one[k] != other[k]} for k in (1, 2)]
+
+    def edit(file, text="# A remark\n"):
+        path = copy / "tdint" / file
+        old = path.read_text()
+        path.write_text(old + text)
+        try:
+            after = [line.split() for line in printed(DIGESTS, copy).splitlines()]
+        finally:
+            path.write_text(old)
+        pairs = list(zip(digests, after, strict=True))
+        return [{before[0] for before, now in pairs if before[k] != now[k]} for k in (1, 2)]
+
+    return edit
 
 
 def test_the_module_of_a_law_has_its_name():
@@ -91,23 +101,23 @@ def test_what_a_kernel_imports_is_found_as_by_parsing(name):
     assert set(sources.closure(MODULES[name])) == found | set(sources._COMPILING)
 
 
-def test_an_edit_of_a_method_leaves_the_kernels_of_others(copy):
-    assert changed(copy, "methods/bathe.py") == [{"tdint.methods.bathe:step"}] * 2
-    assert changed(copy, "kernels/building/obtaining.py") == [set(), set()]
+def test_an_edit_of_a_method_leaves_the_kernels_of_others(changed):
+    assert changed("methods/bathe.py") == [{"tdint.methods.bathe:step"}] * 2
+    assert changed("kernels/building/obtaining.py") == [set(), set()]
 
 
-def test_an_edit_at_two_removes_counts(copy):
-    everything, linear = changed(copy, "kernels/layout.py", "\nNO_ROW = 7\n")
+def test_an_edit_at_two_removes_counts(changed):
+    everything, linear = changed("kernels/layout.py", "\nNO_ROW = 7\n")
     assert everything == linear
     assert "tdint.methods.impulse4:step" in everything
     assert "tdint.kernels.oscillators.elastic:peaks" not in everything
 
 
-def test_a_law_that_is_left_out_does_not_count(copy):
-    everything, linear = changed(copy, "kernels/laws/imk.py")
+def test_a_law_that_is_left_out_does_not_count(changed):
+    everything, linear = changed("kernels/laws/imk.py")
     assert "tdint.methods.moment4:step" in everything
     assert not linear
-    assert changed(copy, "kernels/building/compiler.py") == [set(MODULES)] * 2
+    assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
 
 
 def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(tmp_path, copy):

@@ -8,26 +8,26 @@ import pytest
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
 from events_study import study
 from references import orders
+from step_checks import at_samples, refined
 from tdint import load_model, run
 
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 
 
-def displacement(method, parts):
-    response = run(OFFICE, method=method, dt=DT / parts, history=True)
+def displacement(method, parts, **more):
+    response = run(OFFICE, method=method, dt=DT / parts, history=True, **more)
     return response.history.displacement[::parts], response
 
 
 @pytest.fixture(scope="module")
 def reference():
-    """Average acceleration extrapolated from dt / 64 and dt / 128, which impulse4 at dt / 16 confirms."""
-    coarse, fine = (displacement("newmark-average", parts)[0] for parts in (64, 128))
-    result = (4.0 * fine - coarse) / 3.0
-    other, response = displacement("impulse4", 16)
-    gap = np.linalg.norm(other - result) / np.linalg.norm(result)
-    assert gap < 1e-7
-    return other, response.stories.peak_drift
+    """impulse4 at dt / 16, which average acceleration, extrapolated from dt / 64 and dt / 128, confirms over 15 s."""
+    exact, response = displacement("impulse4", 16)
+    coarse, fine = (displacement("newmark-average", parts, duration=15.0)[0] for parts in (64, 128))
+    other = (4.0 * fine - coarse) / 3.0
+    assert np.linalg.norm(exact[: len(other)] - other) / np.linalg.norm(other) < 1e-7
+    return exact, response.stories.peak_drift
 
 
 def test_order_4_and_the_errors_at_the_records_step(reference):
@@ -96,14 +96,14 @@ def test_a_run_goes_on_where_events_pile_up():
         assert np.all(np.isfinite(response.stories.peak_drift))
 
 
-def test_a_yielded_building_comes_to_rest():
-    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none halved."""
-    record = noise()
-    for method in ("newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"):
-        response = run(ten_bilinear(), record, method=method, duration=80.0)
-        per_step = {"bathe": 2}.get(method, 1)
-        assert response.iterations < 1.3 * per_step * response.steps
-        assert response.halvings == 0
+@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"])
+def test_a_yielded_building_comes_to_rest(method):
+    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none halved; of gauss4,
+    whose rounding beside a lasting drift is then all that is out of balance, too."""
+    response = run(ten_bilinear(), noise(), method=method, duration=60.0)
+    assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
+    assert response.iterations < {"bathe": 2.6, "gauss4": 1.02}.get(method, 1.3) * response.steps
+    assert response.halvings == 0
 
 
 def test_no_events_in_a_linear_building():
@@ -123,16 +123,13 @@ def test_a_harmonic_force_on_a_yielding_story_is_order_4():
 
 def test_peak_oriented_stories_are_order_4_and_agree_with_newton():
     """Two ways through the same law: located events, and the return over whole steps of average acceleration."""
-    law = Law("peak-oriented", (4e5, 0.05, 0.3))
     record = noise(peak=5.0)
-    building = model([story(2e5, 4e7, law, dashpot=3e5) for _ in range(3)])
-    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 5)]
-    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 5), runs, strict=True)]
-    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    building = model([story(2e5, 4e7, Law("peak-oriented", (4e5, 0.05, 0.3)), dashpot=3e5)] * 3)
+    runs, finest, errors = refined(building, record, (1, 2, 4, 32))
     assert orders(errors)[-1] > 3.5
     assert runs[0].stories.ductility.max() > 2.0
-    average = run(building, record, method="newmark-average", dt=record.dt / 256, history=True)
-    assert np.max(np.abs(average.history.displacement[::256] - u[-1])) < 1e-5 * np.max(np.abs(u[-1]))
+    average, u = at_samples(building, record, "newmark-average", 256)
+    assert np.max(np.abs(u - finest)) < 1e-5 * np.max(np.abs(finest))
     for response in (*runs, average):
         assert abs(response.energy.error) < 1e-3
 
@@ -149,14 +146,12 @@ def test_kinks_are_located_among_curved_laws(name):
     average acceleration, with Newton straight over the kinks, comes to the same."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED[name]])
-    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 6)]
-    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 6), runs, strict=True)]
-    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    runs, finest, errors = refined(building, record, (1, 2, 4, 64))
     assert errors[0] < 2e-3
     assert orders(errors).min() > 3.3
     assert runs[0].events > 50
-    average = run(building, record, method="newmark-average", dt=record.dt / 512, history=True)
-    assert np.max(np.abs(average.history.displacement[::512] - u[-1])) < 2e-5 * np.max(np.abs(u[-1]))
+    average, u = at_samples(building, record, "newmark-average", 512)
+    assert np.max(np.abs(u - finest)) < 2e-5 * np.max(np.abs(finest))
     for response in (*runs, average):
         assert abs(response.energy.error) < 1e-4
 
@@ -164,11 +159,8 @@ def test_kinks_are_located_among_curved_laws(name):
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
 def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
     """The force is not smooth where its hysteretic part changes sign: steps end there."""
-    record = noise(peak=6.0)
     building = model([story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2)
-    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 5)]
-    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 5), runs, strict=True)]
-    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    _, _, errors = refined(building, noise(peak=6.0), (1, 2, 4, 32))
     assert orders(errors).min() > 3.5
     assert errors[0] < 1e-5
 

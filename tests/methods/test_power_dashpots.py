@@ -7,6 +7,7 @@ import pytest
 
 from building_cases import Force, Law, model, noise, story
 from references import orders, smooth
+from step_checks import at_samples, refined
 from tdint import run
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
@@ -72,13 +73,11 @@ def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
     record = noise(peak=8.0)
     law = Law("bilinear", (4e5, 0.05))
     building = model([damped(2e5, 4e7, 1e5, 0.5, 0.02, law) for _ in range(3)])
-    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 6)]
-    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 6), runs, strict=True)]
-    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    runs, finest, errors = refined(building, record, (1, 2, 4, 64))
     assert runs[0].events > 20
     assert errors[-1] < 1e-4
-    average = run(building, record, method="newmark-average", dt=record.dt / 256, history=True)
-    assert np.max(np.abs(average.history.displacement[::256] - u[-1])) < 5e-5 * np.max(np.abs(u[-1]))
+    _, average = at_samples(building, record, "newmark-average", 256)
+    assert np.max(np.abs(average - finest)) < 5e-5 * np.max(np.abs(finest))
 
 
 @pytest.mark.parametrize("name", REFUSING)

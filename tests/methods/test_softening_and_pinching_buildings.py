@@ -7,6 +7,7 @@ import pytest
 
 from building_cases import Law, RayleighCoefficients, model, noise, story
 from references import orders
+from step_checks import at_samples, refined
 from tdint import run
 
 DAMPING = RayleighCoefficients(mass=0.3, stiffness=2e-3)
@@ -62,16 +63,13 @@ LAWS = {"trilinear-pinching": trilinear, "imk": imk, "multilinear-pinching": mul
 def test_order_4_energy_and_average_acceleration(name, seed):
     """The finest run of average acceleration goes another way through the laws: over whole steps, without events."""
     case, record = building(name, seed), noise(samples=501, seed=seed, peak=6.0)
-    runs = [run(case, record, method="impulse4", dt=record.dt / parts, history=True) for parts in (1, 2, 4, 8, 32)]
-    u = [response.history.displacement[::parts] for response, parts in zip(runs, (1, 2, 4, 8, 32), strict=True)]
-    size = np.linalg.norm(u[-1])
-    errors = [np.linalg.norm(one - u[-1]) / size for one in u[:-1]]
+    runs, finest, errors = refined(case, record, (1, 2, 4, 8, 32), size=np.linalg.norm)
     assert runs[0].events > 40
     assert runs[0].stories.ductility.max() > 2.0
     assert np.all((orders(errors) > 3.5) & (orders(errors) < 4.4))
     assert np.max(np.abs(runs[0].history.energy.error)) < 1e-4
-    average = run(case, record, method="newmark-average", dt=record.dt / 64, history=True)
-    assert np.linalg.norm(average.history.displacement[::64] - u[-1]) < 1e-4 * size
+    _, average = at_samples(case, record, "newmark-average", 64)
+    assert np.linalg.norm(average - finest) < 1e-4 * np.linalg.norm(finest)
 
 
 def failing(**more):

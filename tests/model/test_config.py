@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import tdint
 from tdint.errors import ModelError
 from tdint.ground_motion.processing import Processing, RecordChoice
 from tdint.model.config.model_file import load_model
@@ -130,24 +129,6 @@ def test_units(units: str, mass: float, stiffness: float) -> None:
     (story,) = one_story(f"units: {units}").stories
     assert story.mass == pytest.approx(mass, rel=1e-14)
     assert story.stiffness == pytest.approx(stiffness, rel=1e-14)
-
-
-def test_kip_and_inch_bilinear_story() -> None:
-    model = load(
-        "units: {length: in, force: kip, mass: kip*s^2/in}\n"
-        "stories: [{mass: 0.2, stiffness: 10, law: {type: bilinear, yield_force: 7, hardening: 0}, dashpot: 0.4}]\n"
-        "damping: {rayleigh: {mass: 0.3, stiffness: 0.002}}\n"
-        "excitation: {forces: [{floor: 1, amplitude: 2, omega: 3}]}\n"
-        "initial: {velocity: [5]}\n"
-    )
-    kip = 4448.2216152605
-    (story,) = model.stories
-    assert story.law.parameters == pytest.approx((7 * kip, 0.0))
-    assert story.dashpot == pytest.approx(0.4 * kip / 0.0254)
-    assert model.damping == RayleighCoefficients(0.3, 0.002)
-    assert model.excitation.forces[0].cosine == pytest.approx(2 * kip)
-    assert model.excitation.forces[0].omega == 3.0
-    assert model.initial.velocity == pytest.approx((0.127,))
 
 
 @pytest.mark.parametrize(
@@ -280,41 +261,11 @@ def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
     assert two.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
 
 
-CONFIG_FILES = sorted(CONFIGS.glob("*.yaml"))
-
-
-def test_there_are_example_models() -> None:
-    names = {path.stem for path in CONFIG_FILES}
-    assert {"ten-story", "ten-story-bilinear", "sdof-polynomial", "two-story-polynomial", "chain-150"} <= names
-    assert {"base-isolated", "fluid-dampers"} <= names
-
-
-@pytest.mark.parametrize("path", CONFIG_FILES, ids=lambda path: path.stem)
-def test_example_model_loads(path: Path) -> None:
-    model = load_model(path)
-    assert path.read_text().startswith("# ")
-    assert model.stories
-    assert model.excitation.record or model.excitation.forces or any(model.initial.displacement)
-
-
 def test_yield_forces_of_the_bilinear_example() -> None:
     model = load_model(CONFIGS / "ten-story-bilinear.yaml")
     base = 0.15 * 10 * 2e5 * 9.81
     expected = [base * sum(range(i, 11)) / 55 for i in range(1, 11)]
     assert [story.law.parameters[0] for story in model.stories] == pytest.approx(expected, rel=1e-15)
-
-
-def test_paper_examples() -> None:
-    model = load_model(CONFIGS / "sdof-polynomial.yaml")
-    assert model.stories == (Story(10.0, None, 200.0, Law("polynomial", (200.0, 3.0)), 5.0),)
-    assert model.excitation.forces == (Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0))
-    chain = load_model(CONFIGS / "chain-150.yaml")
-    assert chain.stories == (Story(50.0, None, 500.0, Law("polynomial", (500.0, 0.2)), 10.0),) * 150
-    assert [force.floor for force in chain.excitation.forces] == [1, 1, 150, 150]
-
-
-def test_api_name() -> None:
-    assert tdint.load_model.__wrapped__ is load_model
 
 
 def test_imports_nothing_heavy() -> None:

@@ -12,7 +12,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.inventory import derive_all, model_text, read_inventory
-from tdint.model.mdof_lu import LEVELS, STRUCTURES, ZONES, BuildingFacts, derive, design_level, hazus_type, hazus_types
+from tdint.model.mdof_lu import LEVELS, STRUCTURES, BuildingFacts, derive, design_level, hazus_type, hazus_types
 from tdint.units import LENGTH
 
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
@@ -177,17 +177,9 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    ("header", "message"),
-    [
-        ("id,NumberOfStorys,YearBuilt,StructureType,PlanArea", "no column NumberOfStories; did you mean it by"),
-        ("id,id,NumberOfStories,YearBuilt,StructureType,PlanArea", "b.csv:1: the column id is there twice"),
-        ("", "b.csv: is empty"),
-    ],
-)
-def test_files_that_are_no_inventory(tmp_path, header, message):
-    with pytest.raises(ModelError, match=message):
-        inventory(tmp_path, header=header)
+def test_a_file_that_is_no_inventory(tmp_path):
+    with pytest.raises(ModelError, match="no column NumberOfStories; did you mean it by"):
+        inventory(tmp_path, header="id,NumberOfStorys,YearBuilt,StructureType,PlanArea")
 
 
 def test_an_area_in_square_feet_is_the_same_building(tmp_path):
@@ -222,10 +214,6 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
     assert unsaid[0].building.stiffness[0] == zero[0].building.stiffness[0]
     with pytest.raises(UsageError, match="scatter of the stiffness"):
         derive_all(rows, "mdof-lu", stiffness=0.6)
-
-
-def test_the_zones_are_those_of_the_levels():
-    assert all(design_level("C1", 1960, zone) in LEVELS for zone in ZONES)
 
 
 @pytest.mark.parametrize(

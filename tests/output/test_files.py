@@ -33,10 +33,21 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.fixture(params=[True, False], ids=["links", "no-links"])
+def linkable(request, monkeypatch):
+    """Where hard links are made, and where they are not."""
+
+    def no_links(*_):
+        raise PermissionError(errno.EPERM, "no hard links here")
+
+    if not request.param:
+        monkeypatch.setattr(os, "link", no_links)
+
+
+@pytest.mark.usefixtures("linkable")
 def test_a_file_is_written_with_the_usual_permissions(tmp_path):
-    file = tmp_path / "a.csv"
+    file, plain = tmp_path / "a.csv", tmp_path / "plain"
     write_file(file, writes(b"x\n"), overwrite=False)
-    plain = tmp_path / "plain"
     plain.write_bytes(b"")
     assert file.read_bytes() == b"x\n"
     assert file.stat().st_mode == plain.stat().st_mode
@@ -45,20 +56,14 @@ def test_a_file_is_written_with_the_usual_permissions(tmp_path):
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("a bug"), MemoryError()])
-def test_a_writer_that_fails_leaves_nothing(tmp_path, error, overwrite):
+def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path, error, overwrite):
     first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    if overwrite:
+        second.write_bytes(b"old")
     with pytest.raises(type(error)):
         write_files({first: writes(b"x"), second: fails(error)}, overwrite=overwrite)
-    assert names(tmp_path) == []
-
-
-def test_a_writer_that_fails_leaves_the_existing_file(tmp_path):
-    file = tmp_path / "a.csv"
-    file.write_bytes(b"old")
-    with pytest.raises(KeyboardInterrupt):
-        write_file(file, fails(KeyboardInterrupt()), overwrite=True)
-    assert file.read_bytes() == b"old"
-    assert names(tmp_path) == ["a.csv"]
+    assert names(tmp_path) == (["b.csv"] if overwrite else [])
+    assert not overwrite or second.read_bytes() == b"old"
 
 
 def test_a_full_disk_is_one_line(tmp_path):
@@ -82,31 +87,12 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
     assert file.read_bytes() == b"new"
 
 
-@pytest.mark.parametrize("linkable", [True, False])
-def test_a_file_that_comes_up_while_writing_is_kept(tmp_path, monkeypatch, linkable):
+@pytest.mark.usefixtures("linkable")
+def test_a_file_that_comes_up_while_writing_is_kept(tmp_path):
     file = tmp_path / "a.csv"
-
-    def another_process_writes_it(stream):
-        file.write_bytes(b"theirs")
-
-    def no_links(*_):
-        raise PermissionError(errno.EPERM, "no hard links here")
-
-    if not linkable:
-        monkeypatch.setattr(os, "link", no_links)
     with pytest.raises(OutputError, match="exists already"):
-        write_file(file, another_process_writes_it, overwrite=False)
+        write_file(file, lambda stream: file.write_bytes(b"theirs"), overwrite=False)
     assert file.read_bytes() == b"theirs"
-    assert names(tmp_path) == ["a.csv"]
-
-
-def test_without_hard_links_files_are_renamed(tmp_path, monkeypatch):
-    def no_links(*_):
-        raise PermissionError(errno.EPERM, "no hard links here")
-
-    monkeypatch.setattr(os, "link", no_links)
-    write_file(tmp_path / "a.csv", writes(b"x"), overwrite=False)
-    assert (tmp_path / "a.csv").read_bytes() == b"x"
     assert names(tmp_path) == ["a.csv"]
 
 

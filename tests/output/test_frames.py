@@ -9,17 +9,14 @@ import pytest
 
 import tdint
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.messages import quiet_import
 from tdint.output.tables.buildings import history_columns, mode_table, story_table, write_history
 from tdint.output.tables.spectra import result_table
 from tdint.units import STANDARD_GRAVITY
 
-STORY = {
-    "mass": 10.0,
-    "height": 3.0,
-    "stiffness": 8000.0,
-    "law": {"type": "bilinear", "yield_force": 50, "hardening": 0},
-}
-MODEL = {"name": "<small>", "stories": [{**STORY, "repeat": 2}], "damping": 0.05}
+LAW = {"type": "bilinear", "yield_force": 50, "hardening": 0}
+STORIES = [{"mass": 10.0, "height": 3.0, "stiffness": 8000.0, "law": LAW, "repeat": 2}]
+MODEL = {"name": "<small>", "stories": STORIES, "damping": 0.05}
 WAVE = np.sin(9.0 * np.arange(300) * 0.01)
 
 
@@ -72,6 +69,8 @@ def test_other_units(response):
     assert us["story"].tolist() == [1, 2] and us["story"].dtype.kind == "i"
     with pytest.raises(UsageError, match="unknown unit 'kips'"):
         response.to_dict("kips")
+    with pytest.raises(UsageError, match="int has no table"):
+        tdint.to_dict(3)
 
 
 @pytest.mark.parametrize(
@@ -103,22 +102,20 @@ def test_every_result_shows_itself(response, make):
     assert repr(pickle.loads(pickle.dumps(result))) == repr(result)
 
 
-def test_what_has_no_table():
-    with pytest.raises(UsageError, match="int has no table"):
-        tdint.to_dict(3)
-
-
-def test_records_of_what_is_in_memory():
-    from tdint.ground_motion.messages import quiet_import
-
+@pytest.fixture(scope="module")
+def traces():
+    """Two components as ObsPy has them."""
     with quiet_import():
         from obspy import Stream, Trace
+    names = ("HNE", "HNN")
+    return Stream([Trace(WAVE * (i + 1), {"delta": 0.01, "channel": name}) for i, name in enumerate(names)])
 
+
+def test_records_of_what_is_in_memory(traces):
     array = tdint.make_record(WAVE, dt=0.01, units="g", component="X", name="wave")
     np.testing.assert_allclose(array.acceleration, WAVE * STANDARD_GRAVITY, rtol=1e-15)
     assert (array.dt, array.source, array.component, array.units_from) == (0.01, "wave", "X", "given")
-    traces = [Trace(WAVE * (i + 1), {"delta": 0.01, "channel": name}) for i, name in enumerate(("HNE", "HNN"))]
-    for data, component in ((traces[1], None), (Stream(traces), "HNN"), (Stream(traces), "N")):
+    for data, component in ((traces[1], None), (traces, "HNN"), (traces, "N")):
         record = tdint.make_record(data, units="cm/s^2", component=component)
         np.testing.assert_allclose(record.acceleration, 0.02 * WAVE, rtol=1e-14)
         assert record.component == "HNN"
@@ -150,29 +147,25 @@ def test_records_that_cannot_be(given, error, message):
         tdint.make_record(**given)
 
 
-def test_streams_that_say_too_little():
-    from tdint.ground_motion.messages import quiet_import
-
-    with quiet_import():
-        from obspy import Stream, Trace
-
-    two = Stream([Trace(WAVE, {"delta": 0.01, "channel": name}) for name in ("HNE", "HNN")])
-    with pytest.raises(RecordError, match="several components, choose one: HNE, HNN"):
-        tdint.make_record(two, units="g")
-    with pytest.raises(RecordError, match="no component 'Z'"):
-        tdint.make_record(two, units="g", component="Z")
-    with pytest.raises(RecordError):
-        tdint.make_record(two[0])  # no units
-    with pytest.raises(UsageError, match="leave dt out"):
-        tdint.make_record(two[0], units="g", dt=0.01)
-    with pytest.raises(RecordError, match="the stream has no traces"):
-        tdint.make_record(Stream(), units="g")
+@pytest.mark.parametrize(
+    ("part", "more", "error", "message"),
+    [
+        (slice(None), {"units": "g"}, RecordError, "several components, choose one: HNE, HNN"),
+        (slice(None), {"units": "g", "component": "Z"}, RecordError, "no component 'Z'"),
+        (0, {}, RecordError, "units"),
+        (0, {"units": "g", "dt": 0.01}, UsageError, "leave dt out"),
+        (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),
+    ],
+)
+def test_streams_that_say_too_little(traces, part, more, error, message):
+    with pytest.raises(error, match=message):
+        tdint.make_record(traces[part], **more)
 
 
 def test_runs_as_frames_arrays_and_parquet(tmp_path):
     """Of runs with draws, errors and a history: each by its package, skipped where that is not installed."""
     building = tdint.load_model(
-        {"stories": [{"mass": 2e5, "height": 3.0, "stiffness": 1e8, "repeat": 2}], "damping": "5%"}
+        {"stories": [{"mass": 2e5, "height": 3, "stiffness": 1e8, "repeat": 2}], "damping": "5%"}
     )
     record = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
     more = {"vary": {"stories[2].mass": [1e5, 2e5, 3e5]}, "scales": [1.0, 2.0], "method": "moment4"}

@@ -50,15 +50,6 @@ def test_a_published_model():
     assert b'ls="slight" mean="0.216657' in data and b'stddev="0.09024' in data
 
 
-def test_units_measures_and_total_dispersion():
-    ((imt, found),) = read(fragility_model([function(0.1, 9.80665, unit="m/s^2", beta_model=0.3)], "a & b")).values()
-    assert (imt, found["ds1"]) == ("SA(0.6)", pytest.approx((1.0, 0.5), rel=1e-7))
-    ((imt, found),) = read(fragility_model([function(0.1, 0.5, im="pgv", unit="m/s")], "x")).values()
-    assert (imt, found["ds1"][0]) == ("PGV", pytest.approx(50.0))
-    ((imt, found),) = read(fragility_model([function(0.1, 4.903325, im="pga", unit="m/s^2")], "x")).values()
-    assert (imt, found["ds1"][0]) == ("PGA", pytest.approx(0.5))
-
-
 READ_BY_OPENQUAKE = (
     r"PGA|PGV|IA|CAV|AvgSA|SA\(\d+\.?\d*\)|AvgSA\(\d+\.*\d*\)|SDi\(\d+\.?\d*,\d+\.?\d*\)"  # 3.26, hazardlib/imt.py
 )
@@ -70,6 +61,7 @@ READ_BY_OPENQUAKE = (
         ("sa(0.60001)", "m/s^2", "SA(0.60001)", 1.0 / 9.80665), ("sa-avg(0.6)", "g", "AvgSA(0.6)", 1.0),
         ("sa-avg(0.2:2)", "cm/s^2", "AvgSA", 0.01 / 9.80665), ("pgv", "in/s", "PGV", 2.54),
         ("arias", "m/s", "IA", 1.0), ("cav", "m/s", "CAV", 1.0 / 9.80665), ("sdi(0.6,0.1)", "m", "SDi(0.6,0.1)", 100.0),
+        ("pga", "m/s^2", "PGA", 1.0 / 9.80665),
     ],
 )  # fmt: skip
 def test_measures_by_their_names_and_units_there(im, unit, imt, factor):
@@ -79,8 +71,11 @@ def test_measures_by_their_names_and_units_there(im, unit, imt, factor):
 
 
 def test_a_function_for_each_state_of_the_building():
-    both = [*(function(0.1, 1.0, damage=0.0),), function(0.1, 0.5, damage=0.02)]
-    assert list(read(fragility_model(both, "x"))) == ["x", "x-damaged-0.02"]
+    """With the model's dispersion beside that of the motions: 0.5 of 0.3 and 0.4."""
+    both = [function(0.1, 1.0, damage=0.0, beta_model=0.3), function(0.1, 0.5, damage=0.02)]
+    found = read(fragility_model(both, "x & y"))
+    assert list(found) == ["x & y", "x & y-damaged-0.02"]
+    assert found["x & y"][1]["ds1"] == pytest.approx((1.0, 0.5), rel=1e-7)
 
 
 def test_a_function_for_each_type_of_buildings():

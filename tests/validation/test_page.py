@@ -2,9 +2,7 @@
 
 import dataclasses
 import math
-import subprocess
 import sys
-from pathlib import Path
 
 import fetch
 import manufactured
@@ -93,10 +91,11 @@ def test_without_a_network_a_line_says_what_to_do(tmp_path, monkeypatch):
     assert fetch.fetch("elcentro").read_bytes() == b"1\n"
 
 
-def test_fetch_as_a_command(tmp_path):
-    script = Path(fetch.__file__)
-    listed = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
-    assert [line.split()[0] for line in listed.splitlines()] == list(fetch.SOURCES)
-    unknown = subprocess.run([sys.executable, script, "nothing"], capture_output=True, text=True, check=False)
-    assert unknown.returncode == 2
-    assert "no file is called 'nothing'; the names are elcentro" in unknown.stderr
+def test_fetch_as_a_command(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["fetch.py"])
+    assert fetch.main() == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(fetch.SOURCES)
+    monkeypatch.setattr(sys, "argv", ["fetch.py", "nothing"])
+    with pytest.raises(SystemExit, match="2"):
+        fetch.main()
+    assert "no file is called 'nothing'; the names are elcentro" in capsys.readouterr().err

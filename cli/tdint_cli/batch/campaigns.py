@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import click
 from tdint.errors import AnalysisError, ModelError, OutputError, TdintError, UsageError
 from tdint.files import check_outputs, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
-from tdint.units import SI, OutputUnits
+from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
@@ -100,22 +101,6 @@ class SuiteRequest:
             raise UsageError("--plot alone puts the picture into the folder of -o: add -o DIR, or name it")
         return folder / PICTURE
 
-    def named_files(self, folder: Path | None, *, overwrite: bool) -> list[Path]:
-        """The picture and the page, if they are asked for, after it was seen that they can be written.
-
-        Raises
-        ------
-        UsageError
-            They cannot: so it is said before the work.
-        """
-        files = [self.picture(folder), Path(self.report) if self.report else None]
-        named = [file for file in files if file]
-        try:
-            check_outputs(named, overwrite=overwrite)
-        except OutputError as error:
-            raise UsageError(str(error)) from None
-        return named
-
 
 def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     """Let the looks that a campaign names hold for what the command line leaves open.
@@ -136,6 +121,7 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     """
     from tdint.output.printed import PRINTED, parse_style
 
+    # Of a campaign without looks those of the command line hold alone.
     text, folder = style
     if not text:
         return
@@ -146,6 +132,7 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
             figures.style.check_print(looks)
     except UsageError as error:
         raise ModelError(f"{source}: {error}") from None
+    # A style sheet is read, and so never replaced by what the command writes.
     if drawn and looks.style:
         keep_input(looks.style)
     PRINTED.set(looks)
@@ -157,7 +144,11 @@ class Profiles:
 
     store: Store
     request: SuiteRequest
-    units: OutputUnits
+
+    @cached_property
+    def units(self) -> OutputUnits:
+        """Those of all that is written: what the command line names, or what the models agree on."""
+        return self.request.output_units or self.store.output_units()
 
     @cached_property
     def found(self) -> list[Profile]:
@@ -201,19 +192,20 @@ class Profiles:
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
         models, if they agree."""
-        from tdint.files import READ
         from tdint.output.report import Told, suite_page
+        from tdint.output.summary import files_read
 
         request, limit = self.request, self.request.limit
         said = [] if limit is None else [self._told(profile, _verdict(profile, limit)[0]) for profile in self.found]
         lost = [text for profile in self.found if (text := self._lost(profile))]
+        # Units and head of the page: the models', as far as they agree.
         models = {profile.source: profile for profile in plan.models}.values()
         units, heads = {profile.page_units for profile in models}, {profile.page_head for profile in models}
         told = Told(
             said,
             [*(str(error) for error in plan.failures), *lost],
             request.report_head or (heads.pop() if len(heads) == 1 else ()),
-            [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()],
+            files_read(),
         )
         return suite_page(
             plan,
@@ -253,6 +245,7 @@ class Profiles:
         """
         limit = self.request.limit
         every, done = int(self.store.meta("runs")), sum(self.store.statuses().values())
+        # Judged by some of the motions alone a building might pass that the others bring down.
         if done < every:
             if limit is None:
                 return []
@@ -272,6 +265,7 @@ class Profiles:
             text, within = _verdict(profile, limit)
             say(self._told(profile, text))
             beyond += [] if within else [_name(profile, self.found) or profile.building]
+        # A record that could not be read is a motion that was not withstood.
         for kind, reasons in self.store.unused().items():
             beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
@@ -374,12 +368,11 @@ def carry_out(
         with store:
             if not overwrite:
                 store.refuse_foreign(named)
-            units = request.output_units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, max_runs=max_runs)
-            profiles = Profiles(store, request, units)
-            finish(store, folder, units, overwrite=overwrite, profiles=profiles, plan=plan)
+            profiles = Profiles(store, request)
+            finish(profiles, folder, plan)
             if show:
-                emit_table(tables.campaign.runs_table(store).in_units(units))
+                emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
             # What was done, and what of it a person must look at
@@ -395,17 +388,29 @@ def carry_out(
         raise Failures([*plan.failures, *unmet])
 
 
-def check_names(folder: Path, request: SuiteRequest) -> list[Path]:
+def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     """What a call names beside its tables, picture and page among them, after it was seen, before the runs, that it can
-    be written: what an earlier call of a campaign that has begun wrote may be replaced, which its store knows."""
+    be written: what an earlier call of a campaign that has begun wrote may be replaced, which its store knows.
+
+    Raises
+    ------
+    UsageError
+        Picture or page cannot be written.
+    OutputError
+        A table cannot.
+    """
     from tdint.campaign.store import FILE
 
-    begun = (folder / FILE).exists()
+    replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
+    pages = [file for file in (request.picture(folder), Path(request.report) if request.report else None) if file]
+    try:
+        check_outputs(pages, overwrite=replaced)
+    except OutputError as error:
+        raise UsageError(str(error)) from None
     asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
-    names = [folder / name for name, asked in asked_of.items() if asked]
-    named = request.named_files(folder, overwrite=request.overwrite or begun)
-    check_outputs(names, overwrite=request.overwrite or begun)
-    return [*named, *names]
+    more = [folder / name for name, asked in asked_of.items() if asked] if folder else []
+    check_outputs(more, overwrite=replaced)
+    return [*pages, *more]
 
 
 def is_complete(store: Store) -> bool:
@@ -447,24 +452,13 @@ def _rate(advance: Advance) -> str:
     return f"{3600.0 * advance.rate:.3g} an hour"
 
 
-def finish(
-    store: Store,
-    folder: Path,
-    units: OutputUnits = SI,
-    *,
-    overwrite: bool = False,
-    profiles: Profiles | None = None,
-    plan: Plan | None = None,
-) -> None:
+def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, what is asked for
     over all motions, summary.json; and what was exported of an earlier state anew."""
-    writers = {**_runs(store, units), **_of_suite(folder, profiles, plan)}
-    ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if store.is_ours(folder / name)]
-    again = _exports(store, units, ours)
+    ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if profiles.store.is_ours(folder / name)]
+    again = _exports(profiles, ours)
     written = {name: writer for name, writer in again.items() if writer}
-    by = profiles.request.by if profiles else None
-    made = list(current().arguments)
-    _write(folder, store, {**writers, **written}, units, made, overwrite=overwrite, by=by)
+    _write(profiles, folder, {**_of_suite(profiles, folder, plan), **written}, list(current().arguments))
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -473,13 +467,12 @@ def finish(
             note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
-def _of_suite(folder: Path, profiles: Profiles | None, plan: Plan | None = None) -> dict[str, Content]:
+def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dict[str, Content]:
     """What is asked for over all motions, once all runs are done: the picture of the profiles and the buildings over a
     baseline; of a plan also spectra of floors, the page, and intensities of the runs."""
-    if not profiles:
-        return {}
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
+    # Means, pictures and pages over some of the motions would be taken for those of all.
     if not is_complete(store):
         return {}
     contents: dict[str, Content] = {str(picture.absolute()): profiles.draw(picture)} if picture else {}
@@ -502,16 +495,7 @@ def _of_suite(folder: Path, profiles: Profiles | None, plan: Plan | None = None)
     return contents
 
 
-def export(
-    store: Store,
-    folder: Path,
-    *,
-    simcenter: bool,
-    geojson: bool = False,
-    units: OutputUnits = SI,
-    overwrite: bool = False,
-    profiles: Profiles | None = None,
-) -> None:
+def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) -> None:
     """Write all tables of a store anew; Parquet files if pyarrow is there: these and SimCenter's have SI units.
 
     Raises
@@ -521,42 +505,37 @@ def export(
     """
     from tdint.output.summary import told_of
 
+    store = profiles.store
     if geojson:
         check_map(store)
-    asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
-    exported = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
-    others = {name: writer for name, writer in _exports(store, units, exported).items() if writer}
-    writers: dict[str, Content] = {**_runs(store, units), **_of_suite(folder, profiles), **others}
-    by = profiles.request.by if profiles else None
+    asked = {SIMCENTER: simcenter, GEOJSON: geojson}
+    exported = {*PARQUET, *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name))}
+    others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
     # What is written of a store says how its runs were made, as the last call that could add some told it.
     made = told_of(folder / SUMMARY).get("arguments", [])
-    _write(folder, store, writers, units, made, overwrite=overwrite, by=by)
+    _write(profiles, folder, {**_of_suite(profiles, folder), **others}, made)
 
 
-def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[str, Writer | None]:
+def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
     """What is written on request alone, of these names; None for what cannot be written here."""
     if not names:
         return {}
-    from tdint.output.tables.exports import (
-        damage_parquet,
-        is_mapped,
-        runs_parquet,
-        stories_parquet,
-        write_geojson,
-        write_simcenter,
-    )
+    from tdint.output.tables import exports
 
+    store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
+    # Of each file whether it can be written here, and what writes it.
     runs, stories, damage = PARQUET
-    makers: dict[str, Callable[[], Writer | None]] = {
-        runs: lambda: runs_parquet(store),
-        stories: lambda: stories_parquet(store) if store.meta("setting stories") == "true" else None,
-        damage: lambda: damage_parquet(store) if store.damage() else None,
-        SIMCENTER: lambda: lambda stream: write_simcenter(store, stream),
-        GEOJSON: lambda: (
-            (lambda stream: write_geojson(store, stream, units)) if is_complete(store) and is_mapped(store) else None
+    writers: dict[str, tuple[bool, Writer]] = {
+        runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
+        stories: (has_pyarrow and _keeps_stories(store), partial(exports.write_stories_parquet, store)),
+        damage: (has_pyarrow and bool(store.damage()), partial(exports.write_damage_parquet, store)),
+        SIMCENTER: (True, partial(exports.write_simcenter, store)),
+        GEOJSON: (
+            is_complete(store) and exports.is_mapped(store),
+            partial(exports.write_geojson, store, units=profiles.units),
         ),
     }
-    return {name: makers[name]() for name in makers if name in names}
+    return {name: writer if can else None for name, (can, writer) in writers.items() if name in names}
 
 
 def check_map(store: Store) -> None:
@@ -572,34 +551,30 @@ def check_map(store: Store) -> None:
         )
 
 
-def _runs(store: Store, units: OutputUnits) -> dict[str, Content]:
-    """runs.csv, unless the campaign chooses other tables alone."""
-    return {RUNS: lambda stream: tables.campaign.write_runs(store, stream, units)} if store.writes("runs") else {}
+def _keeps_stories(store: Store) -> bool:
+    return store.meta("setting stories") == "true"
 
 
-def _write(
-    folder: Path,
-    store: Store,
-    contents: Mapping[str, Content],
-    units: OutputUnits,
-    arguments: list[str],
-    *,
-    overwrite: bool,
-    by: str | None = None,
-) -> None:
+def _write(profiles: Profiles, folder: Path, contents: Mapping[str, Content], arguments: list[str]) -> None:
+    """Write the tables of a store, these contents and, last, the summary."""
     from tdint.output.summary import campaign_summary, in_units, json_bytes
 
-    files: dict[str, Content] = dict(contents)
-    if store.meta("setting stories") == "true":
+    request, store, units = profiles.request, profiles.store, profiles.units
+    # runs.csv, unless the campaign chooses other tables alone
+    files: dict[str, Content] = {}
+    if store.writes("runs"):
+        files[RUNS] = lambda stream: tables.campaign.write_runs(store, stream, units)
+    files |= contents
+    if _keeps_stories(store):
         files[STORIES] = lambda stream: tables.campaign.write_stories(store, stream, units)
     if next(store.shocks(), None) is not None:
         files[SHOCKS] = lambda stream: tables.campaign.write_shocks(store, stream, units)
     if store.settings().get("profiles") == "true" and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
-    files |= _damage(store, units, by)
+    files |= _damage(store, units, request.by)
     files[SUMMARY] = json_bytes({**in_units(campaign_summary(store), units), "arguments": arguments})
     here = {folder / name: content for name, content in files.items()}
-    if not overwrite:
+    if not request.overwrite:
         store.refuse_foreign(here)
     write_files(here, overwrite=True, tell=store.will_write)
 
@@ -616,6 +591,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
     if is_complete(store) and store.writes("damage"):
         writers[TYPES] = lambda stream: write_types(store, stream)
+    # Losses only where some state has a loss ratio; how often they come only where events have rates.
     costs = any(states.losses for states in stored_states(store).values())
     if costs and is_complete(store) and store.writes("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
@@ -631,6 +607,7 @@ def tell_outcomes(store: Store) -> None:
 
     statuses = store.statuses()
     failed = {name: statuses[name] for name in _FAILED if name in statuses}
+    # What has no result must be seen; a collapse is a result, of which a line is enough.
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells")

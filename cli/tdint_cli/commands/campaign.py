@@ -39,12 +39,7 @@ class CampaignRequest(SuiteRequest):
     output: str | None = options.output.output(
         "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
     )
-    jobs: int | None = options.option(
-        type=click.IntRange(1, 1024),
-        metavar="N",
-        common=True,
-        help="Threads; one for each processor by default. The output does not depend on it.",
-    )
+    jobs: int | None = options.output.threads("Threads; one for each processor")
     shard: str | None = options.option(
         metavar="K/N", common=True, help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
     )
@@ -206,17 +201,8 @@ def _export(request: CampaignRequest) -> None:
         if not request.overwrite:
             store.refuse_foreign(named)
         check_chunks(store)
-        units = request.output_units or store.output_units()
-        profiles = Profiles(store, request, units)
-        export(
-            store,
-            folder,
-            simcenter=request.simcenter,
-            geojson=request.geojson,
-            units=units,
-            overwrite=request.overwrite,
-            profiles=profiles,
-        )
+        profiles = Profiles(store, request)
+        export(profiles, folder, simcenter=request.simcenter, geojson=request.geojson)
         if unmet := profiles.tell():
             raise Failures(unmet)
 
@@ -229,14 +215,14 @@ def _merge(request: CampaignRequest) -> None:
     from tdint.campaign.store_schema import locked
 
     target = Path(request.output)
+    # Nobody else may write there while stores are copied, chunk by chunk.
     with locked(target):
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target, partial=request.partial) as store:
             set_looks(store.style(), str(target), drawn=bool(request.plot or request.report))
-            units = request.output_units or store.output_units()
-            profiles = Profiles(store, request, units)
-            finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
+            profiles = Profiles(store, request)
+            finish(profiles, target)
             every, done = int(store.meta("runs")), sum(store.statuses().values())
             if done < every:
                 rest = f"`tdint campaign FILE -o {target}` does the rest"

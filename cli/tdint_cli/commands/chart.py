@@ -292,6 +292,7 @@ def _problems(request: Request) -> list[FieldProblem]:
     models = []
     for file in request.models:
         model = load_model(file)
+        # --duration holds for all of them, whatever each model says.
         model = replace(model, analysis=replace(model.analysis, duration=request.duration or model.analysis.duration))
         for record in request.records or (None,):
             building = request.of(file, record)
@@ -403,6 +404,7 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
 
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
+    # Our methods take the impulse of all samples in a long step; other programs look at its end alone.
     coarse = dict.fromkeys(p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001)
     skipping = [name for name in coarse if name not in catalogue()]
     if record and skipping:

@@ -81,6 +81,7 @@ def command(
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 
+    # A file with faults does not keep the others from being checked; models of a campaign take its place.
     sound: list[Overview] = []
     failures: list[TdintError] = []
     waiting = list(models)
@@ -111,6 +112,7 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
 
     plugin_checks = [load_plugin(file) for file in plugins]
     checks = [check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods]
+    # Faults come after the table that shows them.
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
     if laws := [law.name for _, laws in plugin_checks for law in laws]:

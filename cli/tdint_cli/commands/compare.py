@@ -247,6 +247,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")
         )
         warn(*event.warnings, *item.response.warnings, *absolute_displacements(item))
+    # The first values alone: a building of many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
         changes = [f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}" for item in values]

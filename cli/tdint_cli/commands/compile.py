@@ -65,6 +65,7 @@ def command(request: Request) -> None:
     run needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
     lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
     """
+    # --clean alone is an order by itself; with models it comes before they are compiled.
     asked = bool(request.models or request.everything)
     if asked or request.clean:
         refuse_idle((_SHOW if request.show else _COMPILE) if asked else _CLEAN, MODES)
@@ -83,6 +84,7 @@ def command(request: Request) -> None:
 
     if request.output:
         check_outputs([Path(request.output) / "objects"], overwrite=True)
+    # What each model needs, beside what serves any building; what is compiled already is passed over.
     kernels = of_everything() if request.everything else []
     for file in request.models:
         model = load_model(file)

@@ -9,7 +9,7 @@ import click
 
 from tdint.analysis.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
-from tdint.output import figures, tables
+from tdint.output import figures
 from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure
-    from tdint.output.tables.table import Table
 
 _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 
@@ -125,10 +124,6 @@ class _DriftSpectra(Kind):
             for damping in request.damping
         ]
         return Results(results, records)
-
-    def table(self, _: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
-        """A row for each spectrum and period."""
-        return tables.spectra.result_table(results)
 
     def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
         """A line for each spectrum."""

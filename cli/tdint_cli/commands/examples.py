@@ -116,6 +116,7 @@ def command(request: Request) -> None:
 
     asked = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
+    # Names are checked before the runs, which take a while.
     if folder:
         kind = f".{request.picture_format}"
         options.output.check_picture(Path(f"figure{kind}"))
@@ -136,6 +137,7 @@ def command(request: Request) -> None:
         write_files(files, overwrite=request.overwrite)
         note(*(f"{file}: of an earlier call, left as it is" for file in outputs if file not in files and file.exists()))
     emit_table(tables.methods.example_table([run for example in asked for run in runs[example]], request.reference))
+    # The remark explains the paper's own ranking: it fits its methods and its step alone.
     usual = not request.methods and steps[0] == DT
     for example in asked:
         _say_example(example, [run for run in runs[example] if run.dt == steps[0]], request.reference, remark=usual)

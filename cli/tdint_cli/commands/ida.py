@@ -125,7 +125,9 @@ class IdaRequest(RecordsRequest):
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
-    jobs: int | None = options.studies.threads
+    jobs: int | None = options.output.threads(
+        "Threads that share the records; as many as processors", options.grammar.GENERAL
+    )
 
     @property
     def picture(self) -> Path | None:
@@ -229,6 +231,7 @@ def _folder(request: IdaRequest) -> Path | None:
         check_picture(picture)
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
+    # What an earlier call of this study has written is its own, and may be replaced.
     begun = folder / STORE if folder and (folder / STORE).exists() else None
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
     if begun and request.overwrite:
@@ -270,6 +273,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))
         )
+    # Without a folder there is no store that knows what it has written.
     if not request.output:
         write_files(files, overwrite=request.overwrite)
         return
@@ -321,6 +325,7 @@ def _median(study: IdaStudy) -> str:
     from tdint.campaign.ida_curve import fractiles
 
     count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
+    # nan is not equal to itself: a fractile above the largest intensity is none.
     low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     censored = sum(curve.collapse.censored for curve in study.curves)
     capacity = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"

@@ -38,6 +38,7 @@ def _weights(text: str) -> tuple[float, ...]:
     weights: list[float] = []
     for word in text.split(","):
         count, times, number = word.strip().rpartition("x")
+        # Without a count before it a weight is that of one floor.
         whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
         try:
             weight = float(number)
@@ -202,6 +203,7 @@ def _laws(request: Request) -> list[FittedLaw]:
 
     assert request.from_pushover is not None and request.weights is not None
     curves = read_story_curves(request.from_pushover)
+    # Each floor stands on one story: there is a curve for each weight.
     if len(curves) != len(request.weights):
         stories, floors = how_many(len(curves), "story"), how_many(len(request.weights), "floor")
         raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")

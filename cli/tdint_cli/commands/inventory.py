@@ -134,11 +134,13 @@ def command(request: Request) -> None:
     stiffness, damping = request.stiffness_scatter or 0.0, request.damping_scatter or 0.0
     derived = derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=request.seed)
     files = _model_files(derived, rules, request.models) if request.models else {}
+    # Model files are checked with the table's, before either is written.
     if files:
         check_outputs([*files, *request.outputs.files], overwrite=request.outputs.overwrite)
         write_files(files, overwrite=request.outputs.overwrite)
     request.outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
+    # A column that is wrong throughout has as many faults as rows.
     if len(faults) > _SHOWN:
         more = f"{request.buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
         raise ModelError("\n".join([*map(str, faults[:_SHOWN]), more]))

@@ -142,10 +142,11 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
         )
         return
     length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
-    rows: list[tuple[str, ...]] = [(
-        "cycle", f"drift ({length})", "ratio", "ductility", f"force + ({force})", f"force - ({force})",
-        f"secant ({slope})", f"dissipated ({energy})", "damping ratio",
-    )]  # fmt: skip
+    header = (
+        f"cycle,drift ({length}),ratio,ductility,force + ({force}),force - ({force}),secant ({slope}),"
+        f"dissipated ({energy}),damping ratio"
+    )
+    rows = [tuple(header.split(","))]
     for cycle in cycles:
         numbers = (
             units.of(cycle.amplitude, "m"),

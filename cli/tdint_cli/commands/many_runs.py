@@ -141,13 +141,7 @@ class Request(BuildingRequest, SuiteRequest):
     limit: float | None = LIMIT
     require: bool = REQUIRE
     allow_unstable: bool = options.analysis.option(is_flag=True, help="Run a method beyond its largest stable step.")
-    jobs: int | None = options.option(
-        type=click.IntRange(1, 1024),
-        metavar="N",
-        common=True,
-        help="Threads for several records or scales; one for each processor by default. The output does not depend on "
-        "it.",
-    )
+    jobs: int | None = options.output.threads("Threads for several records or scales; one for each processor")
 
     def check_sequence(self) -> None:
         """Refuse what a sequence cannot have."""
@@ -234,30 +228,27 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
-    picture = request.picture(Path(request.output) if request.output else None)
-    report = Path(request.report) if request.report else None
-    if request.output is None:
-        request.named_files(None, overwrite=request.overwrite)
-    else:
-        check_names(Path(request.output), request)
+    # Outputs are checked before the model is read, and before the runs.
+    check_names(Path(request.output) if request.output else None, request)
     model = load_model(request.model)
     plan = _plan(request, records, model)
     engine = threads(request.jobs or processors())
+    # With a folder it is a campaign, which goes on where a call was ended; else a store in memory.
     if request.output is not None:
         carry_out(plan, engine, request, show=True)
         return
     store, _ = open_store(None, plan)
     note(*plan.notes)
     with store:
-        units = request.output_units or model.output_units
+        profiles = Profiles(store, request)
         advance = advance_with_bar(plan, store, engine)
-        emit_table(tables.campaign.runs_table(store).in_units(units))
+        emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
         say(f"{how_many(advance.done, 'run')}.")
         tell_outcomes(store)
-        profiles = Profiles(store, request, units)
+        picture = request.picture(None)
         more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
-        if report:
-            more[report] = profiles.report(plan)
+        if request.report:
+            more[Path(request.report)] = profiles.report(plan)
         if more:
             write_files(more, overwrite=request.overwrite)
         unmet = profiles.tell()

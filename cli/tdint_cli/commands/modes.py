@@ -73,6 +73,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     outputs.deliver(
         tables.buildings.modal_response_table(result), lambda: figures.comparison.modal_response_picture(result, units)
     )
+    # Both sums are told: modes that lie close to each other differ by them.
     cqc, srss = (units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss))
     roof = units.text(float(result.displacement_cqc[-1]), "m")
     say(

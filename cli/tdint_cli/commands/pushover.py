@@ -68,6 +68,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     result = pushover(loaded, drift, pattern=pattern, points=points)
     outputs = outputs.else_in(loaded.output_units)
     units = outputs.shown_units
+    # With a target the table is that of its displacements; the curve goes into the picture alone.
     if target is None:
         outputs.deliver(
             tables.buildings.pushover_table(result), lambda: figures.comparison.pushover_picture(result, units)

@@ -164,22 +164,18 @@ class _Told:
             raise UsageError(
                 f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
             )
-        return cls._parsed(file, content, arguments)
-
-    @classmethod
-    def _parsed(cls, file: Path, content: Mapping[str, Any], arguments: list[str]) -> _Told:
-        """With the command and what it was told to write, found as click finds them."""
+        # The command and what it was told to write, found as click finds them
         context = click.get_current_context().find_root()
         group = context.command
         assert isinstance(group, click.Group)
         at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
-        name = arguments[at] if at < len(arguments) else ""
-        command = group.get_command(context, name)
+        typed = arguments[at] if at < len(arguments) else ""
+        command = group.get_command(context, typed)
         named = next((item for item in command.params if item.name == "output"), None) if command else None
-        if command is None or named is None or name == "rerun":
+        if command is None or named is None or typed == "rerun":
             raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
         flags = {flag for parameter in command.params for flag in parameter.opts}
-        parser = command.make_parser(click.Context(command, info_name=name, resilient_parsing=True))
+        parser = command.make_parser(click.Context(command, info_name=typed, resilient_parsing=True))
         given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
         output = given.get("output")
         if not isinstance(output, str) or output == STDIN:
@@ -188,14 +184,14 @@ class _Told:
         whole = Path(output).parts
         within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
         only = isinstance(named.type, FileName) and named.type.kind == "dir"
-        is_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
+        to_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
         try:
             inputs = {str(source["file"]): str(source["sha256"]) for source in content.get("inputs", ())}
             versions = dict(content.get("versions", {}))
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table") from None
-        return cls(file, content, arguments, command, output, is_folder, inputs, versions, plugins)
+        return cls(file, content, arguments, command, output, to_folder, inputs, versions, plugins)
 
     def folder(self) -> Path:
         """The folder that the command line was typed in: the one that its -o leads from, if the file still lies there,
@@ -209,6 +205,7 @@ class _Told:
         typed = Path(self.output) if self.is_folder else Path(self.output).parent
         here = self.file.absolute().parent
         above = Path(*here.parts[: len(here.parts) - len(typed.parts)])
+        # A file that was moved says nothing of where the command was typed.
         from_there = not typed.is_absolute() and ".." not in typed.parts and above / typed == here
         places = [above, Path.cwd()] if from_there else [Path.cwd()]
         missing = [name for name in self.inputs if not _is_there(places[0], name)]

@@ -209,7 +209,7 @@ def _files(
     """The files of a run but its summary and what writes them, and what the summary tells."""
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import run_summary
-    from tdint.output.summary import merged_inputs
+    from tdint.output.summary import files_read, merged_inputs
 
     units = request.units_shown
     files: dict[Path, Content] = {}
@@ -236,11 +236,9 @@ def _files(
     first = first_mode(case.building, response.record)
     content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
     if request.report:
-        from tdint.files import READ
         from tdint.output.report import Told, run_page
 
         model = response.model
-        read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
         # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
         warnings = [_collapsed(response, response.collapse)] if response.collapse else []
         if response.record is not None:
@@ -249,7 +247,7 @@ def _files(
             said=_paragraph(response, model.page_units, page=True).splitlines(),
             warnings=[*warnings, *response.warnings],
             head=request.report_head or model.page_head,
-            inputs=merged_inputs(content["inputs"], read),
+            inputs=merged_inputs(content["inputs"], files_read()),
         )
         floors = request.of_floors.of_run(response)
         files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=model.page_units)
@@ -273,6 +271,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     from tdint.output.run_summary import UNITS
     from tdint.output.summary import listed_files
 
+    # Without a folder there is no summary to say what an earlier run has written.
     if request.output is None:
         write_files(files, overwrite=request.overwrite)
         return
@@ -365,6 +364,7 @@ def _damage(response: Response, units: OutputUnits) -> str:
     assert damage is not None
     states, demand = damage.states, DEMANDS[damage.states.demand]
     value = f"{damage.demand[0]:.4g}" if demand.unit == "1" else units.text(float(damage.demand[0]), demand.unit)
+    # Outcomes that are all but impossible would hide the others.
     shares = (
         f"{outcome} {100.0 * probability:.3g} %"
         for outcome, probability in zip(states.outcomes, damage.probability[0].tolist(), strict=True)

@@ -205,8 +205,10 @@ def command(request: ScaleRequest) -> None:
     outputs, units = request.outputs, request.outputs.shown_units
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
+    # The target is read before the records: what is wrong with it is told at once.
     aim = _aim(request)
     suite = read_suite(request.records, request.choice, request.pair_wish)
+    # Factors that depend on the whole set are none of a part of it.
     if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
     scaling = aim(suite.motions)

@@ -82,6 +82,7 @@ def command(building: str, outputs: Outputs, **given: Any) -> None:
     varied with the medians of the peaks.
     """
     request = Request(**given)
+    # A campaign has done its runs: their ranks are looked at, and nothing is run.
     if Path(building).is_dir():
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.campaign.sensitivity import rank_correlations
@@ -113,6 +114,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
 
     model = load_model(building)
     motions = read_motions(RecordFiles(request.records, request.choice))
+    # The building as it is and with each end of each parameter: a small campaign in memory.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     note(*dict.fromkeys(plan.notes))

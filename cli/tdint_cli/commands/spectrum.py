@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -61,22 +61,6 @@ class RecordTable:
     picture: bytes | None = None
 
 
-@dataclass
-class _Messages:
-    """What there is to say at the end."""
-
-    notes: dict[str, None] = field(default_factory=dict)  # a set in the order of arrival
-    failures: list[TdintError] = field(default_factory=list)
-    warnings: dict[str, None] = field(default_factory=dict)
-    longest_interval: float = 0.0
-
-    def take(self, product: RecordTable) -> None:
-        """Take up what is to be said of one record."""
-        self.notes |= dict.fromkeys(product.notes)
-        self.warnings |= dict.fromkeys(product.warnings)
-        self.longest_interval = max(self.longest_interval, product.interval)
-
-
 def make_tables(request: TablesRequest, kind: Kind) -> None:
     """Make the tables of a command line, and say what there is to say; one bad record does not keep the others back.
 
@@ -102,7 +86,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     written = [file for table in tables for file in _outputs(request, table).files]
     check_outputs(written, overwrite=request.overwrite)
     tasks = [Task(files[0], table, files[1:]) for files, table in zip(files_of, own_tables, strict=True)]
-    messages = _Messages(dict.fromkeys(sources.notes), list(sources.failures))
+    notes, warnings = dict.fromkeys(sources.notes), dict[str, None]()  # sets in the order of arrival
+    failures, longest_interval = list[TdintError](sources.failures), 0.0
     together: list[RecordTable] = []
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
@@ -111,9 +96,11 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal) as results:
         for task, outcome in zip(tasks, results, strict=True):
             if isinstance(outcome, TdintError):
-                messages.failures.append(outcome)
+                failures.append(outcome)
                 continue
-            messages.take(outcome)
+            notes |= dict.fromkeys(outcome.notes)
+            warnings |= dict.fromkeys(outcome.warnings)
+            longest_interval = max(longest_interval, outcome.interval)
             if task.table:
                 _write(request, kind, task.table, [outcome])
                 continue
@@ -124,13 +111,13 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
                 header = False
     if together:
         _write(request, kind, output, together)
-    remark = kind.remark(request, messages.longest_interval)
-    warn(*messages.warnings)
-    note(*filter(None, (*messages.notes, remark)))
-    if messages.failures:
+    remark = kind.remark(request, longest_interval)
+    warn(*warnings)
+    note(*filter(None, (*notes, remark)))
+    if failures:
         from tdint.ground_motion.horizontals import told_once
 
-        raise Failures(told_once(messages.failures))
+        raise Failures(told_once(failures))
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
@@ -289,6 +276,7 @@ def _write_target(request: SpectrumRequest) -> None:
     if request.is_folder:
         raise UsageError("-o is the file of one table here, not a folder")
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
+    # Periods that were asked for, else the target's own; a formula has a value at 0, too.
     if request.period or request.periods is not None:
         periods = request.chosen_periods(PERIODS)
         if min(periods) <= 0.0 and target.curve is None:
@@ -298,6 +286,7 @@ def _write_target(request: SpectrumRequest) -> None:
         import numpy as np
 
         target = replace(target, periods=np.append(0.0, target.periods), psa=np.append(target.at([0.0]), target.psa))
+    # A logarithmic axis has no place for the period 0.
     drawn = replace(target, periods=target.periods[target.periods > 0.0], psa=target.psa[target.periods > 0.0])
     from tdint.output.summary import table_summary
     from tdint.output.tables.spectra import TARGET

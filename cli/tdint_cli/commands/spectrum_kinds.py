@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
@@ -12,7 +12,7 @@ from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
 from tdint.output import figures, tables
-from tdint.written_numbers import Grid, parse_grid, parse_positive
+from tdint.written_numbers import Grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio, pair_names
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum, SpectrumSettings
+    from tdint.analysis.spectra.elastic import Spectrum, SpectrumSettings
     from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -68,12 +68,12 @@ class Results:
     notes: Sequence[str] = ()
 
 
-class Kind:
+class Kind(Protocol):
     """A kind of table over the period, of a command's name and the periods that it has where none are asked for."""
 
-    command = "spectrum"
-    default_periods = PERIODS
-    mode = Mode("")
+    command: str = "spectrum"
+    default_periods: str = PERIODS
+    mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
         """Refuse, before any work, a request that makes no sense (UsageError)."""
@@ -84,15 +84,14 @@ class Kind:
 
     def compute(self, request: Any, records: Sequence[Record]) -> Results:
         """The results of the components of one record."""
-        raise NotImplementedError
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
-        """The table of results."""
-        raise NotImplementedError
+        """The table of results; by default what their class declares, a row for each period, sample or frequency."""
+        return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
         """The figure of results."""
-        raise NotImplementedError
+        raise AssertionError("a kind without a picture takes no --plot")
 
     def remark(self, request: Any, interval: float) -> str:
         """What is to be said at the end for the longest sampling interval of all records (s); empty for nothing."""
@@ -142,11 +141,9 @@ class TablesRequest(RecordsRequest):
         UsageError
             They are given in two ways, or their text is wrong.
         """
-        import numpy as np
-
         if self.periods is not None and self.period:
             raise UsageError("--periods and --period are given; leave one of them out")
-        return np.array(self.period) if self.period else (self.periods or parse_grid(default)).values()
+        return options.spectra.chosen_periods(self.periods, self.period, default)
 
 
 def _bandwidth(text: str) -> float:
@@ -270,6 +267,7 @@ class SpectrumRequest(TablesRequest):
                 "smoothing": smoothing,
             }
         manner = self.manner
+        # What has no part in this table is told as null, not as its default.
         yields = self.ductility or self.strength
         return super().settings(default_periods) | {
             "method": self.method or "exact",
@@ -314,8 +312,6 @@ class SpectrumRequest(TablesRequest):
 
 
 # ---- Spectrum kinds
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PERIODS = NAMES | {"damping", "periods", "period", "plot"}
 """What all spectra of records over the period take."""
@@ -421,10 +417,6 @@ class Inelastic(_OfOscillators):
                     lines += constant_strength(record, periods, request.strength or (), damping, hardening=hardening)
         return Results(lines, records)
 
-    def table(self, _: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
-        """A row for each spectrum and period."""
-        return tables.spectra.result_table(lines)
-
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
         """A line for each spectrum."""
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
@@ -440,10 +432,6 @@ class Fourier(Kind):
         from tdint.analysis.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
-
-    def table(self, _: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Table:
-        """A row for each component and frequency."""
-        return tables.spectra.result_table(lines)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
         """A line for each component."""
@@ -471,10 +459,6 @@ class Histories(Kind):
             for period in request.oscillator or ()
         ]
         return Results(lines, records)
-
-    def table(self, _: SpectrumRequest, lines: Sequence[OscillatorMotion]) -> Table:
-        """A row for each oscillator and sample."""
-        return tables.spectra.result_table(lines)
 
 
 class Rotated(_OfOscillators):
@@ -548,6 +532,7 @@ class Against(Kind):
         of_user = request.periods is not None or bool(request.period)
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
+            # A published spectrum is of one damping ratio: each is held beside its own.
             published = request.published(ratio)
             of_ratio = replace(request, damping=(ratio,))
             if not of_user:

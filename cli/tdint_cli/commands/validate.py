@@ -31,6 +31,7 @@ def command(outputs: Outputs) -> None:
         for done, case in enumerate(cases):
             progress("validating", done / len(cases))
             results.append(carry_out(case))
+    # The table comes before the error: it shows which case is beyond, and by how much.
     outputs.deliver(validation_table(results))
     outside = [result for result in results if not result.within]
     say(f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances.")

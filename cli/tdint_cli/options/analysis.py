@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -206,15 +206,8 @@ def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
 
 # ---- The building of a command line, and its ground motion: the model and the options of the record together
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-_MODEL = click.argument("model", metavar="MODEL.yaml", type=FileName())
-
-
-def model(command: Function) -> Function:
-    """The model, and the plug-ins with methods and laws that it may have."""
-    return grammar.with_options((plugin, _MODEL), command)
+model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", type=FileName()))
+"""The model, and the plug-ins with methods and laws that it may have."""
 
 
 @dataclass(frozen=True)

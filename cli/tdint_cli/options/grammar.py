@@ -88,7 +88,7 @@ class ListOf(ValueType):
         self.item = member
         self.name = member.name
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[Any, ...]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
         parts = value.split(",") if isinstance(value, str) else [value]
@@ -101,19 +101,15 @@ class ListOf(ValueType):
         return [CompletionItem(head + comma + item.value, type=item.type, help=item.help) for item in items]
 
 
-class OutputUnitsType(ValueType):
+class OutputUnitsType(ListOf):
     """Units of the output, with commas between them."""
 
-    name = "units"
+    def __init__(self) -> None:
+        super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *ACCELERATION)))
+        self.name = "units"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:
         return parse_output_units(value) if isinstance(value, str) else value
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Complete what stands after the last comma."""
-        head, comma, last = incomplete.rpartition(",")
-        names = (*FORCE, *LENGTH, *MASS, *ACCELERATION)
-        return [CompletionItem(f"{head}{comma}{name}") for name in names if name.startswith(last)]
 
 
 class Written(ValueType):
@@ -363,7 +359,7 @@ class Declaration(_Value):
     behind: Sequence[Callable[[Any], Any]] = ()
 
     def __call__(self, command: Function) -> Function:
-        return with_options((self.declare(*self.names, **self.settings), *self.behind), command)
+        return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
     def of_field(self, name: str) -> Declaration:
         """The same for a field of a request, which names what has no name, and is what the command gets it as."""
@@ -444,6 +440,11 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
     return declared
 
 
+def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
+    """Options that several commands have, in their order, as one declaration."""
+    return lambda command: with_options(declarations, command)
+
+
 def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:
     """The command with options, in their order."""
     for declared in reversed(tuple(declarations)):
@@ -455,6 +456,7 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
     """A command line in which every option of these has its value: the next word if that is such a name or empty."""
     result: list[str] = []
     words = iter(enumerate(arguments))
+    # As click does, nothing behind -- is an option.
     for i, word in words:
         if word == "--":
             return [*result, *arguments[i:]]
@@ -470,19 +472,24 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
     return result
 
 
+def shown_when_asked(text: Callable[[click.Context], str]) -> Callable[[click.Context, click.Parameter, bool], None]:
+    """The callback of a flag in place of the command: a text goes where data go, and the command exits."""
+
+    def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
+        if is_asked and not ctx.resilient_parsing:
+            emit(f"{text(ctx)}\n".encode("utf-8", "replace"))
+            ctx.exit()
+
+    return show
+
+
 class HelpAsData(click.Command):
     """A command whose help goes where its data go, with the same errors."""
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
-
-        def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
-            if is_asked and not ctx.resilient_parsing:
-                emit(f"{ctx.get_help()}\n".encode("utf-8", "replace"))
-                ctx.exit()
-
         option = super().get_help_option(ctx)
         if option is not None:
-            option.callback = show
+            option.callback = shown_when_asked(click.Context.get_help)
         return option
 
 
@@ -501,7 +508,7 @@ class Command(HelpAsData):
         self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
     ) -> None:
         text = "Show all options, and what the command does in detail, and exit."
-        all_help = _general(["--help-all"], _show_all, text)
+        all_help = _general(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
         super().__init__(name, **settings)
         self.examples = examples
@@ -597,13 +604,6 @@ _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
 _ENOUGH = 100
 """Letters of an option's help to which another clause or sentence is still added: two lines beside its name."""
-
-
-def _show_all(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
-    if is_asked and not ctx.resilient_parsing:
-        assert isinstance(ctx.command, Command)
-        emit(f"{ctx.command.all_help(ctx)}\n".encode("utf-8", "replace"))
-        ctx.exit()
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:

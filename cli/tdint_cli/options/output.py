@@ -47,11 +47,13 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     """Where a table goes; - is standard output, as without -o. A folder is none, and a table's file has a suffix: it is
     no folder, which is what the same word names in a command that writes several files."""
     kinds = (parameter.metavar or "").split("|")
+    # A folder cannot go to standard output; a table does so without -o.
     if value == STDIN and kinds == ["DIR"]:
         raise UsageError("-o - is standard output, and this command writes a folder: name it, or leave -o out")
     if value == STDIN:
         return None
     value = refuse_empty(context, parameter, value)
+    # What names a folder may end in any way; a file says by its suffix what is written.
     is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
     if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
         raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
@@ -168,6 +170,18 @@ jobs = grammar.option(
 )
 
 
+def threads(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
+    """The option --jobs of commands whose runs share this process; `text` says what the threads do."""
+    return grammar.option(
+        "--jobs",
+        heading=heading,
+        type=click.IntRange(1, 1024),
+        metavar="N",
+        common=True,
+        help=f"{text} by default. The output does not depend on it.",
+    )
+
+
 @dataclass(frozen=True)
 class Outputs:
     """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary; in which
@@ -213,6 +227,7 @@ class Outputs:
 
             optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
+        # Files before the picture's format: that loads matplotlib.
         outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
@@ -240,6 +255,7 @@ class Outputs:
         from tdint.output import figures
 
         assert draw or not self.picture, "a command without a drawing declares no --plot"
+        # What the summary says is found before anything is written: it may fail.
         told = summarize() if self.summary and summarize else None
         meanings = table.meanings
         table = table.in_units(self.shown_units)
@@ -250,6 +266,7 @@ class Outputs:
             files[self.picture] = figures.style.picture(self.picture.suffix, draw)
         if self.summary:
             files[self.summary] = provenance(meanings, self.shown_units, told)
+        # The table goes to standard output before the files: a reader of a pipe need not wait for a picture.
         if not self.table:
             emit_table(table)
         if files:
@@ -306,12 +323,11 @@ def summary_bytes(
 ) -> bytes:
     """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all have), what is
     `converted` to them already, all that was read, and the command line that `tdint rerun` carries out."""
-    from tdint.files import READ
-    from tdint.output.summary import in_units, json_bytes, merged_inputs
+    from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs
 
     # The command names its own inputs first; what it read beside them comes behind.
     inputs = list(told.get("inputs", ()))
-    read = merged_inputs({"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items())
+    read = merged_inputs(files_read())
     told = {**told, "inputs": [*inputs, *(source for source in read if source not in inputs)]}
     return json_bytes({**in_units(told, units, keys), **converted, "arguments": list(current().arguments)})
 

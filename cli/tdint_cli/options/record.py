@@ -212,24 +212,17 @@ def layout(command: Function) -> Function:
     return cast(Function, grammar.with_options(_LAYOUT, collected))
 
 
-def of_records(command: Function) -> Function:
-    """All that command lines with records as arguments have in common, for a RecordsRequest."""
-    return grammar.with_options((records, units, component, layout, inventory, processing), command)
+of_records = grammar.together(records, units, component, layout, inventory, processing)
+"""All that command lines with records as arguments have in common, for a RecordsRequest."""
 
+of_records_if_any = grammar.together(records_if_any, units, component, layout, inventory, processing)
+"""The same, where there need be none."""
 
-def of_records_if_any(command: Function) -> Function:
-    """The same, where there need be none."""
-    return grammar.with_options((records_if_any, units, component, layout, inventory, processing), command)
+of_record = grammar.together(record, units, component, layout, inventory, scale, processing)
+"""The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
 
-
-def of_record(command: Function) -> Function:
-    """The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
-    return grammar.with_options((record, units, component, layout, inventory, scale, processing), command)
-
-
-def of_motion(command: Function) -> Function:
-    """The same of a command that declares --record itself."""
-    return grammar.with_options((units, component, layout, inventory, scale, processing), command)
+of_motion = grammar.together(units, component, layout, inventory, scale, processing)
+"""The same of a command that declares --record itself."""
 
 
 def notes_of_components(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:

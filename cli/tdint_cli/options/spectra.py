@@ -48,8 +48,7 @@ _PICTURE = output.plot(
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[Function], Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
-    declarations = (_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
-    return lambda command: grammar.with_options(declarations, command)
+    return grammar.together(_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
 
 
 SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mean.csv", "floor-spectra.png"
@@ -96,6 +95,15 @@ def period(zero: str = "", needs: str = "") -> grammar.Declaration:
     )
 
 
+def chosen_periods(grid: Grid | None, single: tuple[float, ...] | None, default: str) -> NDArray[np.float64]:
+    """The periods of --period, of --periods, or those of the default, s."""
+    import numpy as np
+
+    from tdint.written_numbers import parse_grid
+
+    return np.array(single) if single else (grid or parse_grid(default)).values()
+
+
 export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
@@ -138,11 +146,7 @@ class FloorRequest:
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
-        import numpy as np
-
-        from tdint.written_numbers import parse_grid
-
-        return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
+        return chosen_periods(self.periods, self.period, PERIODS)
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
@@ -159,6 +163,7 @@ class FloorRequest:
             return {}, ()
         from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
 
+        # Histories are not kept in a store: the runs are done again for what their floors do.
         choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
         floors = run_floors(plan, store, choice, jobs or processors())
         suites = list(floor_suites(store, floors))
@@ -194,6 +199,7 @@ class FloorRequest:
                 title = response.model.name
                 draw = partial(figures.runs.floor_picture, spectra, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
+        # MiniSEED has a floor a station, whether its spectrum was asked for or not.
         if export:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.record import to_mseed

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-import click
-
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_ratio
@@ -95,14 +93,6 @@ threshold = partial(
     metavar="DRIFT,...",
     common=True,
     heading=grammar.ANALYSIS,
-)
-threads = grammar.option(
-    "--jobs",
-    heading=grammar.GENERAL,
-    type=click.IntRange(1, 1024),
-    metavar="N",
-    common=True,
-    help="Threads that share the records; as many as processors by default. The output does not depend on it.",
 )
 
 

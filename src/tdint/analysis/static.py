@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.given import AnyModel, drift_of
-from tdint.arrays import Array
+from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
@@ -591,12 +591,11 @@ class _Chain:
     def _keep(self, lead: int, drift: Array, factor: float) -> None:
         """Go to these drifts, and note the largest base shear on the way."""
         # It is at the end, or where the leading story stops to rise: the factor follows from its force alone.
-        story, low, high = self.stories[lead], 0.0, float(drift[lead] - self.drift[lead])
+        story, high = self.stories[lead], float(drift[lead] - self.drift[lead])
         largest = (factor, drift)
         if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
-            for _ in range(_ITERATIONS):
-                middle = 0.5 * (low + high)
-                low, high = (middle, high) if story.at(self.drift[lead] + middle)[1] > 0.0 else (low, middle)
+            here = self.drift[lead]
+            _, high = halved(lambda step: story.at(here + step)[1] > 0.0, 0.0, high, _ITERATIONS)
             top = self._trial(lead, high)
             if top and top[1] >= factor:
                 largest = (top[1], top[0])

@@ -18,7 +18,7 @@ import numpy as np
 
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.analysis.static import Pushover, pushover
-from tdint.arrays import Array
+from tdint.arrays import Array, halved
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
 from tdint.tabular import Several, Tabular
@@ -155,12 +155,13 @@ class _Pushed:
 
 @dataclass(frozen=True)
 class _Idealized:
-    """What a method makes of the curve up to a displacement of the roof, and the displacement that it answers with."""
+    """What a method makes of the curve up to a displacement of the roof, and the displacement that it answers with:
+    fields of `TargetDisplacement`."""
 
     period: float
     yield_force: float
     yield_displacement: float
-    acceleration: float
+    spectral_acceleration: float
     strength_ratio: float
     factors: tuple[float, float]
     roof_displacement: float
@@ -251,7 +252,7 @@ def _coefficients(
 
     # The strength is at most the curve's own; a curve that never yields is its first line.
     low, high = _ROUNDING * end, curve.strongest(roof)
-    strength = high if excess(high) <= 0.0 else _root(excess, low, high)
+    strength = high if excess(high) <= 0.0 else halved(lambda x: excess(x) < 0.0, low, high, _HALVINGS)[1]
     initial = float(curve.shear[1] / curve.roof[1])
     stiffness = min(strength / yielding(strength), initial)
     period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial / stiffness)
@@ -279,18 +280,10 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
             f"the target displacement ({method}) is beyond the curve, some {answer:.4g} m of the roof where it reaches "
             f"{before:.4g} m{why}"
         )
-    root = before if before == roof else _root(lambda x: x - idealize(x).roof_displacement, before, roof)
+    root = before
+    if before != roof:
+        _, root = halved(lambda x: x < idealize(x).roof_displacement, before, roof, _HALVINGS)
     return idealize(root)
-
-
-def _root(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function that is below zero at `low` and not at `high` passes zero: by halves, to the last digits."""
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            break
-        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
-    return high
 
 
 def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum) -> tuple[str, ...]:
@@ -352,13 +345,7 @@ def _result(
         method=method,
         participation=participation,
         mass=mass,
-        period=made.period,
-        yield_force=made.yield_force,
-        yield_displacement=made.yield_displacement,
-        spectral_acceleration=made.acceleration,
-        strength_ratio=made.strength_ratio,
-        factors=made.factors,
-        roof_displacement=made.roof_displacement,
+        **vars(made),
         base_shear=curve.at(made.roof_displacement)[0],
         drift=drift,
         drift_ratio=drift / building.rises,

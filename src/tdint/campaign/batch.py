@@ -16,15 +16,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors, demand_values
 from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import (
-    STORY,
-    Collapse,
-    ErrorEstimate,
-    FailedRun,
-    Response,
-    Shock,
-    StoryPeaks,
-)
+from tdint.analysis.run.outcome import STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of

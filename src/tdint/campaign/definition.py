@@ -265,8 +265,8 @@ def _read_vary(value: Value) -> ParameterSweep | None:
             grids[name] = _values(entry, name)
     # Samples without something random, or the other way round, are an oversight.
     counted, seeded = section.get("samples"), section.get("seed")
-    samples = counted.whole(_DRAWS.low, _DRAWS.high) if counted else None
-    seed = seeded.whole(_SEED.low, _SEED.high) if seeded else 0
+    samples = counted.whole(_DRAWS) if counted else None
+    seed = seeded.whole(_SEED) if seeded else 0
     if random and not counted:
         value.fault("random parameters need `samples`: how many are drawn")
     if counted and not random:

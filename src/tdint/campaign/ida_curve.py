@@ -1,4 +1,5 @@
-"""A building that a mainshock has brought to a given drift: what an aftershock finds."""
+"""The curve of a building under one record in an incremental dynamic analysis: its runs, which level comes next, its
+capacities; and a building that a mainshock has damaged before."""
 
 from __future__ import annotations
 
@@ -124,10 +125,10 @@ _FILL = 1.2
 """Ratio of drifts of neighbouring levels up to which nothing is put between them."""
 
 _PROBES = (1.25, 1.5)
-"""LevelSearch above the first collapse at which the building may stand again, over its level."""
+"""Levels above the first collapse at which the building may stand again, over its level."""
 
 _NEAR = 0.01
-"""LevelSearch that differ by less than this part, of themselves or of their bracket, are the same."""
+"""Levels that differ by less than this part, of themselves or of their bracket, are the same."""
 
 _PLACES = (0.5, 0.25, 0.75, 0.375, 0.625)
 """Where between two levels, in the logarithm, a run is tried; the next one where the run before had no result."""
@@ -235,7 +236,7 @@ class Capacity:
     capacity : float
         The intensity; of a censored one what it is known to lie above; nan if nothing is known.
     lower, upper : float
-        LevelSearch next to it at which the building was run: below, not exceeded; above, exceeded (nan if censored).
+        Levels next to it at which the building was run: below, not exceeded; above, exceeded (nan if censored).
     censored : bool
         Whether it was not exceeded up to the largest level.
     """

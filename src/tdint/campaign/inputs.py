@@ -262,9 +262,11 @@ def _placed(
         else:
             kept.append(row)
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
-    far = _faults(
-        file, "Latitude", beyond, lambda id, _: f"{1e-3 * beyond[id]:.4g} km from the nearest site; {limit}"
-    ) if beyond else []  # fmt: skip
+    far: list[ModelFault] = []
+    if beyond:
+        far = _faults(
+            file, "Latitude", beyond, lambda id, _: f"{1e-3 * beyond[id]:.4g} km from the nearest site; {limit}"
+        )
     if not kept:
         raise ModelError([*lost, *far])
     return tuple(kept), lost, tuple(far)

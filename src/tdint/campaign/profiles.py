@@ -7,7 +7,6 @@ is counted and has no part in any number: a mean is that of the motions under wh
 
 from __future__ import annotations
 
-import json
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -232,17 +231,19 @@ def profiles(store: Store) -> Iterator[Profile]:
     """Of each building and level, in their order; one building is held at a time. None where no stories are kept."""
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
+    # What is the same for all buildings is found once: there may be a million.
     records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    rules, checked = SuiteRules.of(store), store.checked
     for number, (name, _) in store.buildings().items():
         # The values of the stories of each run, with their errors where the campaign has estimated them.
         quantities = [quantity.column for quantity in STORY]
-        columns = ", ".join(("height_m", *quantities, *(f"{name}_error" for name in quantities if store.checked)))
+        columns = ", ".join(("height_m", *quantities, *(f"{name}_error" for name in quantities if checked)))
         query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
         by_run: dict[Run, list[list[float]]] = defaultdict(list)
         for record, scale, sample, *values in store.connection.execute(query, (number,)):
             by_run[Run(record, scale, sample)].append(values)
         kept = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
-        for level in suite_levels(store, number):
+        for level in rules.levels_of(store, number):
             motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
             counts_of = (level.pairs, level.collapsed, level.failed)
             yield Profile(
@@ -251,7 +252,7 @@ def profiles(store: Store) -> Iterator[Profile]:
                 level.value,
                 motions,
                 *counts_of,
-                *_peaks(level, kept, counts[number], store.checked),
+                *_peaks(level, kept, counts[number], checked),
                 level.measure,
             )
 
@@ -277,13 +278,6 @@ class SuiteLevel(NamedTuple):
     measure: tuple[str, str]
 
 
-def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
-    """The levels of a building by its number, from the smallest factor."""
-    query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
-    status = {Run(*key): told for *key, told in store.connection.execute(query, (building,))}
-    return SuiteRules.of(store).levels(status)
-
-
 @dataclass(frozen=True)
 class SuiteRules:
     """How the runs of a building are taken together: the motion of each record (`motion_numbers`), the values of the
@@ -297,7 +291,7 @@ class SuiteRules:
     @classmethod
     def of(cls, store: Store) -> SuiteRules:
         """Those of a campaign."""
-        settings = {name: json.loads(value) for name, value in store.settings().items()}
+        settings = store.parameters()
         values = sorted(settings.get("levels", ()), key=abs)
         measure = _RANK
         if values:
@@ -305,6 +299,11 @@ class SuiteRules:
             unit = measure_at(name, SA_DAMPING, 1.0).unit
             measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
         return cls(motion_numbers(store.records()), values, has_levels(store), measure)
+
+    def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
+        """The levels of a building of the store by its number, from the smallest factor."""
+        query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
+        return self.levels({Run(*key): told for *key, told in store.connection.execute(query, (building,))})
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
@@ -333,7 +332,7 @@ class SuiteRules:
 
 def has_levels(store: Store) -> bool:
     """Whether a level is more than one factor on all motions, or one on each."""
-    settings = {name: json.loads(value) for name, value in store.settings().items()}
+    settings = store.parameters()
     several = any(len(values) > 1 for values in settings.get("factors", {}).values())
     placed = "grid_sha256" in settings or "field_sha256" in settings
     return "levels" in settings or several or (placed and len(settings.get("scales", ())) > 1)
@@ -345,7 +344,7 @@ def _peaks(
     """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their errors, if they were
     `checked`, from the rows of the runs."""
     if not level.stood:
-        nothing = {block.name: np.empty((0, stories)) for block in STORY}
+        nothing = {quantity.name: np.empty((0, stories)) for quantity in STORY}
         return np.full(stories, math.nan), nothing, nothing if checked else {}
     # A residual drift has a sign.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
@@ -517,10 +516,10 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
     of_buildings: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
     for floor_run in floors:
         of_buildings[floor_run.building][floor_run.run] = floor_run.spectra
-    names = store.buildings()
+    names, rules = store.buildings(), SuiteRules.of(store)
     for number, spectra in of_buildings.items():
         # A motion that fell or failed has no history: the others alone are taken together.
-        for level in suite_levels(store, number):
+        for level in rules.levels_of(store, number):
             if not level.stood:
                 continue
             runs = len(level.stood) + level.collapsed + level.failed

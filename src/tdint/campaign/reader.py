@@ -474,7 +474,7 @@ def _levels(section: Section) -> MeasureLevels | None:
         if stated:
             stated.fault(f"{name} has no period")
     elif stated and not stated.is_word(_FIRST):
-        seconds = stated.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
+        seconds = stated.number(POSITIVE, expected=f"{_FIRST} or a positive number of seconds")
         period = None if math.isnan(seconds) else seconds
     return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 

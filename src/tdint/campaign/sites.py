@@ -15,17 +15,9 @@ from numpy.typing import NDArray
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array
-from tdint.campaign.definition import (
-    FieldFile,
-)
+from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
-from tdint.campaign.motions import (
-    FieldMotions,
-    FoundMotions,
-    GridFile,
-    GridMotions,
-    PointMotion,
-)
+from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_at_most

@@ -129,15 +129,12 @@ class Identity:
     def sides(self) -> tuple[dict[str, str], ...]:
         """What `all_differences` compares."""
         named = dict(zip((building.name for building in self.buildings), self.digests, strict=True))
-        return self.settings, named, self.record_digests(), self.code
-
-    def record_digests(self) -> dict[str, str]:
-        """SHA-256 of the records by their names and components."""
-        digests: dict[str, str] = {}
+        records: dict[str, str] = {}
+        # Motions that share name and component, as draws of a grid do, are told apart by their numbers.
         for number, motion in enumerate(self.motions, start=1):
             name = f"{motion.name} {motion.component}"
-            digests[name if name not in digests else f"{name} ({number})"] = motion.record.digest
-        return digests
+            records[name if name not in records else f"{name} ({number})"] = motion.record.digest
+        return self.settings, named, records, self.code
 
 
 def as_json(settings: dict[str, Any]) -> dict[str, str]:
@@ -226,6 +223,10 @@ class Store:
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
+    def parameters(self) -> dict[str, Any]:
+        """The same as values."""
+        return {name: json.loads(value) for name, value in self.settings().items()}
+
     def varied(self) -> list[dict[str, float]]:
         """What a sweep changed in each building, by its number; empty without a sweep."""
         return list(json.loads(self._known("varied") or "[]"))
@@ -264,8 +265,7 @@ class Store:
 
     def statuses(self) -> dict[str, int]:
         """How many runs ended how."""
-        rows = self.connection.execute("SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status")
-        return dict(rows)
+        return dict(self.connection.execute("SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status"))
 
     def count(self, condition: str) -> int:
         """How many runs meet a condition on the columns of run_rows."""

@@ -15,6 +15,7 @@ from typing import TypeVar
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.record import Record
+from tdint.written_numbers import first_few
 
 _VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
 _AZIMUTH = re.compile(r"\d{1,3}")
@@ -254,7 +255,8 @@ def files_of_motions(files: Sequence[str], names: PairNames = USUAL) -> tuple[li
         motions.setdefault(name, []).append(file)
     others = motions.pop("", [])
     if files and not motions:
-        raise UsageError(f"no file is named {names.first} or {names.second}; there are {_listed(others)}")
+        listed = first_few(others, _SHOWN)
+        raise UsageError(f"no file is named {names.first} or {names.second}; there are {listed}")
     return [tuple(members) for members in motions.values()], others
 
 
@@ -270,7 +272,8 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
     if len(single) < 2:
         return list(failures)
     files = [failure.file for failure in single]
-    text = f"{len(files)} files have a single horizontal component and, by their names, no partner: {_listed(files)}"
+    listed = first_few(files, _SHOWN)
+    text = f"{len(files)} files have a single horizontal component and, by their names, no partner: {listed}"
     close = Counter(_nearly(files)).most_common(1)
     if close:
         first, second = close[0][0]
@@ -281,11 +284,6 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
 def _component(name: str) -> re.Match[str] | None:
     """Where the name of a file tells the component."""
     return next((match for kind in (_KNET, _PEER, _SEED, _ENDING) if (match := kind.search(name))), None)
-
-
-def _listed(files: Sequence[str]) -> str:
-    more = f" and {len(files) - _SHOWN} more" if len(files) > _SHOWN else ""
-    return ", ".join(files[:_SHOWN]) + more
 
 
 def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:

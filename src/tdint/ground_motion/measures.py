@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, halved
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.units import STANDARD_GRAVITY
 
@@ -95,13 +95,9 @@ class Measures:
     notes: tuple[str, ...]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def measure(record: Record) -> Measures:
     """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond what floats hold."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _measure(record)
-
-
-def _measure(record: Record) -> Measures:
     motion = integrate(record)
     energy = cumulative_energy(record)
     ends = [time_of_energy(record, energy, part) for part in (0.05, 0.75, 0.95)]
@@ -198,14 +194,10 @@ def time_of_energy(record: Record, energy: Array, part: float) -> float:
     i = int(np.searchsorted(energy, target)) - 1
     a, b = record.acceleration[i : i + 2].tolist()
     rest = (target - float(energy[i])) / record.dt
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        x = 0.5 * (low + high)
-        if x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest:
-            low = x
-        else:
-            high = x
-    return (i + high) * record.dt
+    _, part_of_interval = halved(
+        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest, 0.0, 1.0, _HALVINGS
+    )
+    return (i + part_of_interval) * record.dt
 
 
 def cumulative_absolute_velocity(record: Record) -> float:

@@ -79,8 +79,7 @@ class RecordChoice:
     @property
     def reading(self) -> dict[str, Any]:
         """What `tdint.read_record` is told."""
-        choice = {"units": self.units, "component": self.component, "inventory": self.inventory}
-        return {**choice, "layout": self.layout}
+        return {"units": self.units, "component": self.component, "inventory": self.inventory, "layout": self.layout}
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:

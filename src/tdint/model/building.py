@@ -37,6 +37,7 @@ from tdint.model.definition import (
 from tdint.model.modes import FreeVibration, Modes
 from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
+from tdint.written_numbers import first_few
 
 _TURNS = 5  # of the iteration towards the fastest mode
 _FEW = 5  # stories that are named
@@ -407,10 +408,9 @@ def falling_stories(model: Model) -> tuple[str, ...]:
             places.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
     if not places:
         return ()
-    more = f" and {len(places) - _FEW} more" if len(places) > _FEW else ""
     return (
         "P-delta takes more than the stiffness after yield, so that a story falls once it has yielded; weight over "
-        f"height and that stiffness, {unit}: {', '.join(places[:_FEW])}{more}",
+        f"height and that stiffness, {unit}: {first_few(places, _FEW)}",
     )
 
 
@@ -500,11 +500,22 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
     ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes
     phi.
+
+    Raises
+    ------
+    ModelError
+        Modal damping of too many stories for this machine's memory.
     """
     n = linear_terms.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
-        _check_memory(n)
+        # All modes are solved for at once, which this machine may not hold.
+        needed, available = _TABLES * 8 * n**2, memory()
+        if available is not None and needed > available:
+            raise ModelError(
+                f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
+                f"{available / 2**30:.0f}: give damping.rayleigh"
+            )
         return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
     # Ratios become coefficients by the frequencies of this building.
     if isinstance(damping, RayleighRatio):
@@ -539,23 +550,6 @@ def _without_isolators(linear_terms: Array, stiffness: Array, model: Model, damp
             row[floor], row[base] = 1.0, -1.0
             rows.append(np.sqrt(damping.mass * mass[floor]) * row)
     return np.array(rows).reshape(len(rows), n + 1)
-
-
-def _check_memory(stories: int) -> None:
-    """Refuse modal damping whose modes this machine cannot hold.
-
-    Raises
-    ------
-    ModelError
-        There are too many stories.
-    """
-    needed = _TABLES * 8 * stories**2
-    if (has := memory()) is None or needed <= has:
-        return
-    raise ModelError(
-        f"modal damping of {stories} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
-        f"{has / 2**30:.0f}: give damping.rayleigh"
-    )
 
 
 def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:

@@ -116,9 +116,10 @@ def read_inventory(
     needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
     table = read_table(source, needs, columns=columns)
     table.need(*needed)
-    # Columns by their place: other ones are carried along, but not read.
+    # Columns by their place: all that have a name, but the id, are carried along, whether they are read or not.
     places = {name: table.header.index(name.lower()) for name in columns if table.has(name)}
-    carried = _Carried.of(table)
+    carried = [place for place, title in enumerate(table.titles) if title and table.header[place] != "id"]
+    names = tuple(table.titles[place] for place in carried)
     faults: list[ModelFault] = []
     buildings: list[InventoryRow] = []
     seen: dict[str, int] = {}
@@ -130,7 +131,7 @@ def read_inventory(
             row.fault(width, "", f"{how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
         facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
-        building = row.building(facts, carried)
+        building = row.building(facts, names, carried)
         # By its id a building is found again in tables, and draws are made.
         if building and building.id in seen:
             row.fault(
@@ -142,24 +143,6 @@ def read_inventory(
             seen[building.id] = line
             buildings.append(building)
     return buildings, sorted(faults, key=lambda fault: (fault.line, fault.column))
-
-
-@dataclass(frozen=True)
-class _Carried:
-    """The columns that are carried along, and their places."""
-
-    names: tuple[str, ...]
-    places: tuple[int, ...]
-
-    @classmethod
-    def of(cls, table: CsvTable) -> _Carried:
-        """All that have a name, but the id."""
-        places = tuple(place for place, title in enumerate(table.titles) if title and table.header[place] != "id")
-        return cls(tuple(table.titles[place] for place in places), places)
-
-    def cells(self, row: list[str]) -> str:
-        """What a row has there."""
-        return json.dumps([row[place].strip() if place < len(row) else "" for place in self.places])
 
 
 class _Row:
@@ -175,8 +158,10 @@ class _Row:
         """Note what is wrong with a cell."""
         self._faults.append(ModelFault(self._source, self._line, place + 1, name, message))
 
-    def building(self, facts: BuildingFacts | CapacityFacts | None, carried: _Carried) -> InventoryRow | None:
-        """The building; None after a fault."""
+    def building(
+        self, facts: BuildingFacts | CapacityFacts | None, names: tuple[str, ...], carried: Sequence[int]
+    ) -> InventoryRow | None:
+        """The building, with the names of the columns that are carried along, and their places; None after a fault."""
         name = self._cell("id")
         if not name:
             self.fault(self._places["id"], "id", "is missing")
@@ -185,7 +170,8 @@ class _Row:
         longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
         if facts is None or len(self._faults) > self._before:
             return None
-        return InventoryRow(name, facts, latitude, longitude, carried.names, carried.cells(self._cells))
+        cells = [self._cells[place].strip() if place < len(self._cells) else "" for place in carried]
+        return InventoryRow(name, facts, latitude, longitude, names, json.dumps(cells))
 
     def facts_of_class(
         self, length: float, classes: Mapping[str, CapacityClass], as_published: bool

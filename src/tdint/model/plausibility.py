@@ -12,6 +12,7 @@ from tdint.arrays import Array
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
 from tdint.units import STANDARD_GRAVITY
+from tdint.written_numbers import first_few
 
 _FEW = 3  # stories or motions that a line names
 
@@ -41,7 +42,7 @@ class Usual:
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
 
 
-_SECONDS, _PERCENT, _METERS, _GRAVITY = "{:.3g} s", "{:.3%}", "{:.3g} m", "{:.3g} g"
+_SECONDS, _METERS, _GRAVITY = "{:.3g} s", "{:.3g} m", "{:.3g} g"
 
 PERIOD = Usual(
     "fundamental period",
@@ -128,5 +129,4 @@ def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
 def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
     """A line on the places whose values are not usual, the first few by name; none if all are."""
     places = [f"{bound.text(value)} in {place}" for place, value in values.items() if not bound.holds(value)]
-    more = f" and {len(places) - _FEW} more" if len(places) > _FEW else ""
-    return [bound.told(", ".join(places[:_FEW]) + more)] if places else []
+    return [bound.told(first_few(places, _FEW))] if places else []

@@ -34,11 +34,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.figures import assessment, collapse, runs, spectrum_curves
-from tdint.output.figures import comparison as records
-from tdint.output.figures import comparison as statics
-from tdint.output.figures.assessment import chart_picture, failure_picture
-from tdint.output.figures.comparison import comparison_picture, profile_picture
+from tdint.output.figures import assessment, collapse, comparison, runs, spectrum_curves
 from tdint.output.figures.style import picture, style_context
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
 from tdint.output.tables.spectra import RecordInfo, record_info
@@ -184,7 +180,7 @@ def _compared(results: _Shown, units: OutputUnits) -> Figure:
     least, most, count = _PERIODS
     # Below two sampling intervals a spectrum shows how samples are joined.
     periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
-    return comparison_picture(results, periods, SA_DAMPING, units)
+    return comparison.comparison_picture(results, periods, SA_DAMPING, units)
 
 
 def _info(results: _Shown) -> list[RecordInfo]:
@@ -192,19 +188,20 @@ def _info(results: _Shown) -> list[RecordInfo]:
 
 
 _INFO = _Look(
-    lambda results, units: records.info_picture(_info(results), units),
-    lambda ax, results, units: records.draw_acceleration(ax, _info(results)[0].record, units),
+    lambda results, units: comparison.info_picture(_info(results), units),
+    lambda ax, results, units: comparison.draw_acceleration(ax, _info(results)[0].record, units),
 )
 _LOOKS: dict[type, _Look] = {
     Chart: _Look(
-        lambda results, _: chart_picture(results[0], name="Time against accuracy", target="peak-drift"), alone=True
+        lambda results, _: assessment.chart_picture(results[0], name="Time against accuracy", target="peak-drift"),
+        alone=True,
     ),
     Comparison: _Look(_compared),
-    CyclicTest: _of_one(statics.cyclic_picture, statics.draw_loop),
+    CyclicTest: _of_one(comparison.cyclic_picture, comparison.draw_loop),
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
-    FieldChart: _Look(lambda results, _: profile_picture(results[0], target="peak-drift"), alone=True),
+    FieldChart: _Look(lambda results, _: comparison.profile_picture(results[0], target="peak-drift"), alone=True),
     FloorSpectrum: _Look(runs.floor_picture),
-    FourierSpectrum: _Look(records.fourier_picture, records.draw_fourier),
+    FourierSpectrum: _Look(comparison.fourier_picture, comparison.draw_fourier),
     Fragility: _Look(
         lambda results, _: collapse.fragility_picture(results),
         lambda ax, results, _: collapse.draw_functions(ax, results),
@@ -218,14 +215,14 @@ _LOOKS: dict[type, _Look] = {
         lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
-    ModalResponse: _of_one(statics.modal_response_picture, statics.draw_modal_drifts),
+    ModalResponse: _of_one(comparison.modal_response_picture, comparison.draw_modal_drifts),
     Modes: _of_one(
-        lambda result, _: statics.mode_picture(result, name="Modes"),
-        lambda ax, result, _: statics.draw_modes(ax, result),
+        lambda result, _: comparison.mode_picture(result, name="Modes"),
+        lambda ax, result, _: comparison.draw_modes(ax, result),
     ),
     ObservedOrder: _Look(lambda results, _: assessment.order_picture(results)),
     Overshoot: _Look(lambda results, _: assessment.overshoot_picture(results)),
-    Pushover: _of_one(statics.pushover_picture, statics.draw_curve),
+    Pushover: _of_one(comparison.pushover_picture, comparison.draw_curve),
     Record: _INFO,
     RecordInfo: _INFO,
     Response: _of_one(runs.run_picture, runs.draw_drifts),
@@ -240,6 +237,6 @@ _LOOKS: dict[type, _Look] = {
         lambda ax, results, _: assessment.draw_radius(ax, results),
     ),
     Swing: _Look(runs.sensitivity_picture),
-    TargetDisplacement: _Look(statics.target_picture),
-    Trial: _Look(lambda results, _: failure_picture(results)),
+    TargetDisplacement: _Look(comparison.target_picture),
+    Trial: _Look(lambda results, _: assessment.failure_picture(results)),
 }

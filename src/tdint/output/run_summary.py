@@ -16,15 +16,7 @@ from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import (
-        Collapse,
-        ErrorEstimate,
-        FailedRun,
-        Response,
-        Shock,
-        StoryErrors,
-        StoryPeaks,
-    )
+    from tdint.analysis.run.outcome import Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryErrors, StoryPeaks
     from tdint.analysis.spectra.elastic import FirstMode
 
 

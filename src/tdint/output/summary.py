@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.defaults import QUANTITIES
+from tdint.analysis.defaults import PEAKS, QUANTITIES
+from tdint.files import READ
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model
@@ -101,7 +102,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "schema": schema("campaign"),
         "name": store.meta("name"),
         "fingerprint": store.meta("fingerprint"),
-        "settings": {name: json.loads(value) for name, value in store.settings().items()},
+        "settings": store.parameters(),
         "buildings": buildings,
         "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
         "records": [dict(zip(keys, row, strict=True)) for row in records],
@@ -228,6 +229,11 @@ def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
     return [merged[key] for key in sorted(merged)]
 
 
+def files_read() -> list[dict[str, str]]:
+    """All files that the command that runs has read so far, with their SHA-256."""
+    return [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
+
+
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     """Files and the SHA-256 of what was read of them."""
     return [{"file": item.file, "sha256": item.sha256} for item in inputs]
@@ -309,6 +315,7 @@ def field_summary(
 ) -> dict[str, Any]:
     """Content of the JSON file beside the table of performance profiles: the problems, how well their references are
     known, all that was measured, what is recommended."""
+    peaks = [name.replace("-", "_") for name in PEAKS]
     names = ("name", "motion", "reason", "stories", "interval", "duration", "ductility", "changes", "confirmed_by")
     return {
         "schema": schema("profiles"),
@@ -327,7 +334,7 @@ def field_summary(
             for case in chart.measured
         ],
         # What stands in the lists of points: a field has thousands, and each would name its numbers.
-        "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{name}_error" for name in _OF_PEAKS)],
+        "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{quantity}_error" for quantity in peaks)],
         "recommended": chart.leaders()._asdict(),
         "timing": _timing(chart.timing),
         "peers": [asdict(peer) for peer in chart.peers],
@@ -335,9 +342,6 @@ def field_summary(
         "columns": meanings,
         "versions": versions(),
     }
-
-
-_OF_PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
 
 def _timing(timing: Timing) -> Mapping[str, Any]:

@@ -1,7 +1,7 @@
 """The problems on which methods fail: their answers by other routes, and what the methods make of them."""
 
 import math
-import re
+from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
@@ -46,16 +46,19 @@ def trial(method, name, dt=None):
 
 
 def test_the_hardening_motion_solves_its_equation():
-    times = np.linspace(0.0, 10.0, 501)
+    times = np.linspace(0.0, 3.0, 151)  # eleven of its periods
     u = smooth(lambda t, u, v: -100.0 * u - 1000.0 * u**3, 1.5, 0.0, times)[0]
     assert hardening_motion(times) == pytest.approx(u, abs=1e-9)
 
 
-@pytest.mark.parametrize(("dt", "steps"), problems()["softening"].steps)
-def test_the_softening_motion_by_another_route(dt, steps):
-    times = dt * np.arange(steps + 1)
+def test_the_softening_motion_by_another_route():
+    """With the finest of the problem's steps; the samples of the others are among these."""
+    (fine, steps), *others = problems()["softening"].steps
+    times = fine * np.arange(steps + 1)
     u = smooth(lambda t, u, v: -100.0 * math.tanh(u), 4.0, 0.0, times)[0]
-    assert softening_motion(dt, steps) == pytest.approx(u, abs=4e-6)
+    assert softening_motion(fine, steps) == pytest.approx(u, abs=4e-6)
+    for dt, count in others:
+        assert softening_motion(dt, count) == pytest.approx(u[:: round(dt / fine)], abs=4e-6)
 
 
 def test_the_soft_node_follows_the_limit_of_a_rigid_base():
@@ -98,33 +101,35 @@ def test_the_model_files_are_the_problems(name, file):
     assert trial(model.analysis.method, name, model.analysis.dt).verdict == "pass"
 
 
-# ---- Energy
+# ---- Verdicts; the numbers are those of the digest below
 
 
-def test_average_acceleration_gains_a_quarter_of_the_energy_where_impulse4_keeps_it():
-    average = trial("newmark-average", "hardening", 0.02)
-    assert average.energy_ratio_max == pytest.approx(1.26, abs=0.01)
-    assert (average.verdict, average.measure) == ("gains energy", average.energy_ratio_max)
-    kept = trial("impulse4", "hardening", 0.02)
-    assert 0.98 <= kept.energy_ratio_min <= kept.energy_ratio_max <= 1.02
-    assert kept.verdict == "pass"
+@pytest.mark.parametrize(
+    ("method", "name", "dt", "verdict"),
+    [
+        ("newmark-average", "hardening", 0.02, "gains energy"),
+        ("impulse", "hardening", 0.005, "loses energy"),
+        ("newmark-average", "softening", 0.05, "loses energy"),
+        ("impulse4", "softening", 0.05, "pass"),
+        ("impulse4:rho_inf=0.5", "stiff-node", None, "pass"),
+        ("impulse4", "stiff-node", None, "rings"),
+        ("gauss4", "stiff-pair", None, "rings"),
+        ("park", "stiff-pair", None, "pass"),
+        ("houbolt", "stiff-pair", None, "pass"),
+    ],
+)
+def test_verdicts(method, name, dt, verdict):
+    found = trial(method, name, dt)
+    assert (found.outcome, found.verdict) == ("done", verdict)
+    if verdict in ("gains energy", "loses energy"):
+        assert found.measure == (found.energy_ratio_max if verdict == "gains energy" else found.energy_ratio_min)
+    if name in ("stiff-node", "stiff-pair"):
+        assert found.error == found.measure
 
 
-def test_softening_at_0_05():
-    kept = trial("impulse4", "softening", 0.05)
-    assert 0.99 <= kept.energy_ratio_min <= kept.energy_ratio_max <= 1.01
-    assert kept.verdict == "pass"
-    assert trial("newmark-average", "softening", 0.05).verdict == "loses energy"
-    average = trial("newmark-average", "softening", 0.1)
-    assert (average.energy_ratio_min, average.energy_ratio_max) == pytest.approx((0.86, 1.0), abs=0.005)
-
-
-def test_the_published_method_loses_and_gains_energy():
-    lost = trial("impulse", "hardening", 0.005)
-    assert lost.energy_ratio_min == pytest.approx(0.44, abs=0.01)
-    assert (lost.verdict, lost.measure) == ("loses energy", lost.energy_ratio_min)
-    # The growth is chaotic: another last digit of the start makes 40 to 90 of it.
+def test_chaotic_growth():
     gained = trial("impulse", "softening", 0.1)
+    # Another last digit of the start makes 40 to 90 of it.
     assert 20.0 < gained.energy_ratio_max < 200.0
     assert (gained.outcome, gained.verdict) == ("done", "gains energy")
     # A run of `tdint run` that ends on a hundred times its energy is none; the verdict tells what it looks like.
@@ -142,32 +147,11 @@ def test_explicit_model_based_methods_blow_up_in_a_hardening_story():
         assert all(map(math.isnan, (blown.energy_ratio_min, blown.energy_ratio_max, blown.error, blown.measure)))
 
 
-# ---- Stiff beside soft
-
-STIFF_AND_SOFT = {
-    "impulse": (1.8e2, None), "impulse4": (2.0e3, 1.8e-4), "newmark-average": (7e2, None),
-    "impulse4:rho_inf=0.5": (0.55, 2.3e-3), "impulse4:rho_inf=0": (0.22, 7.0e-3),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("method", "errors"), STIFF_AND_SOFT.items())
-def test_stiff_and_soft_node(method, errors):
+def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
     """As measured with another implementation of the same formulas, to the two digits given."""
-    stiff, soft = trial(method, "stiff-node"), trial(method, "soft-node")
-    assert stiff.error == pytest.approx(errors[0], rel=0.03)
-    assert stiff.verdict == ("pass" if stiff.error < 1.0 else "rings")
-    assert (stiff.verdict == "pass") == ("=" in method)
-    if errors[1]:
-        assert soft.error == pytest.approx(errors[1], rel=0.02)
-    assert math.isnan(stiff.energy_ratio_min)
-
-
-def test_the_stiff_pair_settles_with_dissipation_only():
-    verdicts = {method: trial(method, "stiff-pair").verdict for method in ("impulse4", "newmark-average", "gauss4")}
-    assert set(verdicts.values()) == {"rings"}
-    for method in ("impulse4:rho_inf=0", "bathe", "generalized-alpha", "park", "houbolt"):
-        settled = trial(method, "stiff-pair")
-        assert (settled.verdict, settled.error < 1e-5) == ("pass", True)
+    assert trial("impulse4:rho_inf=0.5", "stiff-node").error == pytest.approx(0.55, rel=0.03)
+    assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
+    assert math.isnan(trial("impulse4", "stiff-node").energy_ratio_min)
 
 
 # ---- README
@@ -194,8 +178,8 @@ def test_the_digest_in_the_readme(name, dt, method, cell):
         # Another last digit of the start makes 40 to 90 of 46: what rounding makes of it on a machine is within that.
         assert 0.25 < one.measure / float(value) < 4.0
         return
-    digits = len(re.sub(r"e.*|\.|^0\.0*", "", value))
-    assert one.measure == pytest.approx(float(value), rel=1.01 * 10.0 ** (1 - digits))
+    last_digit = 10.0 ** Decimal(value).as_tuple().exponent
+    assert one.measure == pytest.approx(float(value), abs=0.51 * last_digit)
 
 
 # ---- Limits and overshoot

@@ -4,6 +4,7 @@ The numbers of example 1 were measured with another implementation of the same f
 """
 
 import math
+from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from tdint.analysis.assessment.paper_examples import (
     DT,
     EXACT,
     METHODS,
-    ExampleFigure,
     default_integrators,
     exact_steps,
     examples,
@@ -58,20 +58,6 @@ def test_the_model_files_are_the_examples(number, file):
 
 
 # ---- What the paper has
-
-
-def test_methods_and_figures_are_those_of_the_paper():
-    """Seven methods with 0.02 s; figures 7, 8, 10 to 12, 14 to 16, and what each shows."""
-    assert METHODS == (
-        "impulse", "newmark-average", "newmark-linear", "central-difference", "wilson:theta=1.4", "u0v0", "rk5",
-    )  # fmt: skip
-    assert DT == 0.02
-    figures = [(one.number, one.floor, one.is_error) for example in examples().values() for one in example.figures]
-    assert figures == [
-        (7, 1, False), (8, 1, True), (10, 1, False), (11, 2, False), (12, 2, True), (14, 1, False), (15, 150, False),
-        (16, 1, True),
-    ]  # fmt: skip
-    assert isinstance(examples()[1].figures[0], ExampleFigure)
 
 
 @pytest.mark.parametrize(("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)])
@@ -139,7 +125,7 @@ def test_errors_of_example_1(method, errors):
         assert error(1, dt, method) == pytest.approx(expected, rel=digits)
 
 
-@pytest.mark.parametrize("number", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [1, *(pytest.param(number, marks=pytest.mark.slow) for number in (2, 3))])
 def test_orders(number):
     """impulse4 and moment4 are of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
     for method in ("impulse4", "moment4", "rk5", *ORDER_2):
@@ -155,57 +141,27 @@ def test_rk5_and_its_load():
     assert error(1, 0.02, "rk5", "load held over each step") == pytest.approx(0.13, abs=0.005)
 
 
-# ---- The paper's ranking
-
-
-@pytest.mark.parametrize("reference", ["paper", "finer"])
-def test_in_example_1_the_proposed_method_errs_least_and_the_central_difference_not_most(reference):
-    errors = {method: error(1, 0.02, method, reference=reference) for method in ORDER_2}
-    assert sorted(errors, key=errors.get)[:2] == ["impulse", "central-difference"]
-    assert max(errors, key=errors.get) == "u0v0"
-    wrong = error(1, 0.02, "central-difference", "start with u(-dt) = 0", reference)
-    assert wrong > 10.0 * max(errors.values())
-
-
-def test_rk5_is_worst_in_example_2_if_the_load_is_held():
-    others = {method: error(2, 0.02, method) for method in ORDER_2}
-    assert error(2, 0.02, "rk5") < min(others.values())
-    assert error(2, 0.02, "rk5", "load held over each step") > max(others.values())
-    three = min(others[name] for name in ("newmark-average", "u0v0", "wilson:theta=1.4"))
-    assert others["central-difference"] < three
-    assert error(2, 0.02, "central-difference", "start with u(-dt) = 0") < three
-
-
-def test_what_is_compared_in_example_3_is_the_sampled_load():
-    sampled = error(3, 0.02, "rk5", "load linear between the steps")
-    errors = {method: error(3, 0.02, method) for method in ORDER_2}
-    assert max(errors.values()) < 1.35 * min(errors.values())
-    assert min(errors.values()) < sampled < max(errors.values())
-    assert sorted(errors, key=errors.get)[-2:] == ["newmark-average", "u0v0"]
-    wrong = error(3, 0.02, "central-difference", "start with u(-dt) = 0")
-    assert wrong == pytest.approx(15.0 * errors["central-difference"], rel=0.05)
-    for method in ("impulse4", "moment4", "rk5"):
-        assert error(3, 0.02, method) < 0.01 * sampled
-
-
 # ---- README
 
 
 def digest():
-    """Rows of the digest in the methods' README: method, variant, both errors of the three examples."""
+    """Rows of the digest in the methods' README: method, variant, both errors of the three examples as they stand."""
     lines = [line.strip("| ").split("|") for line in readmes.digest("examples").splitlines() if "`" in line]
     rows = []
     for head, *cells in lines:
         method, _, variant = head.replace("`", "").strip().partition(", ")
-        rows.append((method, variant, [[float(part) for part in cell.split("/")] for cell in cells]))
+        rows.append((method, variant, [cell.split("/") for cell in cells]))
     return rows
 
 
 @pytest.mark.parametrize(("method", "variant", "errors"), digest())
 def test_the_digest_in_the_readme(method, variant, errors):
-    for number, expected in enumerate(errors, start=1):
-        both = [error(number, 0.02, method, variant, reference) for reference in ("paper", "finer")]
-        assert both == pytest.approx(expected, rel=0.06)
+    """To the digits given, so that who errs least and most in an example is as it says."""
+    for number, texts in enumerate(errors, start=1):
+        for text, against in zip(texts, ("paper", "finer"), strict=True):
+            half_a_digit = 0.51 * 10.0 ** Decimal(text.strip()).as_tuple().exponent
+            measured = error(number, 0.02, method, variant, against)
+            assert measured == pytest.approx(float(text), abs=half_a_digit), (number, against)
 
 
 def test_the_digest_is_whole():

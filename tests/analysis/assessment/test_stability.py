@@ -59,12 +59,9 @@ def test_period_error_and_numerical_damping(method):
 
 
 MEMBERS = (
-    *(
-        f"bathe:rho_inf={rho_inf},gamma={gamma}"
-        for rho_inf, gamma in ((0.0, 0.95), (0.3, 0.05), (0.8, 0.5), (1.0, 0.95))
-    ),
-    *(f"bathe:rho_inf={rho_inf}" for rho_inf in (0.3, 0.8, 1.0)),
-    *(f"kr-alpha:rho_inf={rho_inf}" for rho_inf in (0.0, 0.5, 1.0)),
+    *("bathe:rho_inf=0.0,gamma=0.95", "bathe:rho_inf=0.3,gamma=0.05", "bathe:rho_inf=1.0,gamma=0.95"),
+    *("bathe:rho_inf=0.3", "bathe:rho_inf=0.8", "bathe:rho_inf=0.8,gamma=0.5", "bathe:rho_inf=1.0"),
+    *("kr-alpha:rho_inf=0.0", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=1.0"),
 )
 EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "rk5"}
 
@@ -83,33 +80,9 @@ def test_which_methods_are_explicit():
     assert {name for name in catalogue() if math.isnan(parse(name).rho_inf)} == conditional
 
 
-@pytest.mark.parametrize(
-    ("method", "damping", "limit"),
-    [
-        ("central-difference", 0.0, 2.0), ("central-difference", 0.05, 2.0),
-        ("newmark-linear", 0.0, 2.0 * math.sqrt(3.0)), ("newmark-linear", 0.05, 2.0 * math.sqrt(3.0)),
-        ("fox-goodwin", 0.0, math.sqrt(6.0)), ("rk5", 0.0, 0.9972), ("rk5", 0.05, 2.4026),
-        ("wilson:theta=1.3661", 0.0, math.inf), ("impulse:beta=1/120", 0.0, math.sqrt(10.0)),
-        ("impulse:beta=1/160", 0.0, math.sqrt(12.0)),
-    ],
-)  # fmt: skip
-def test_critical_step(method, damping, limit):
-    assert critical_step(parse(method), damping) == pytest.approx(limit, rel=1e-4)
-
-
 def test_wilson_below_1_366_is_unstable():
+    assert critical_step(parse("wilson:theta=1.3661")) == math.inf
     assert critical_step(parse("wilson:theta=1.36")) == pytest.approx(24.0, abs=0.05)
-
-
-@pytest.mark.parametrize("beta", ["1/143", "1/145"])
-def test_beta_off_1_144_is_unstable_beside_sqrt_12(beta):
-    """The band lies between sqrt(12) and 1 / sqrt(12 beta)."""
-    integrator = parse(f"impulse:beta={beta}")
-    roots = sorted([math.sqrt(12.0), 1.0 / math.sqrt(12.0 * integrator.values[0])])
-    assert critical_step(integrator) == pytest.approx(roots[0], rel=1e-6)
-    assert one_point(integrator.label, sum(roots) / (4.0 * math.pi)).spectral_radius[0] == pytest.approx(
-        1.004, abs=5e-4
-    )
 
 
 @pytest.mark.parametrize(

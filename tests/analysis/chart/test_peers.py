@@ -10,9 +10,7 @@ import pytest
 
 import readmes
 from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
-from tdint.analysis.chart import opensees_worker
-from tdint.analysis.chart import peers as opensees_peer
-from tdint.analysis.chart import peers as scipy_peer
+from tdint.analysis.chart import opensees_worker, peers
 from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers, with_plugins
 from tdint.analysis.chart.problem import Errors, Reference, find_reference, pose
 from tdint.analysis.chart.work_precision import measure
@@ -38,9 +36,9 @@ def forced():
 
 
 PROBLEMS = {
-    "linear": lambda: pose(ten_linear(), noise(samples=301)),
-    "bilinear": lambda: pose(ten_bilinear(), noise(samples=301, peak=6.0)),
-    "dashpots": lambda: pose(dashpots(), noise(samples=301, peak=6.0)),
+    "linear": lambda: pose(ten_linear(), noise(samples=201)),
+    "bilinear": lambda: pose(ten_bilinear(), noise(samples=201, peak=6.0)),
+    "dashpots": lambda: pose(dashpots(), noise(samples=201, peak=6.0)),
     "forced": lambda: pose(forced()),
 }
 
@@ -52,31 +50,30 @@ def ours(problem, name, dt):
 
 
 @installed
-@pytest.mark.parametrize("parts", [1, 4])
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(
+    ("name", "parts"), [("linear", 4), ("bilinear", 1), ("bilinear", 4), ("dashpots", 4), ("forced", 1)]
+)
 def test_average_acceleration_of_openseespy_is_ours(name, parts):
     problem = PROBLEMS[name]()
     dt = problem.interval / parts
     points, notes = openseespy_points(problem, [dt], ours(problem, "newmark-average", dt), repeats=1)
-    assert notes == ([] if name == "linear" else [opensees_peer.ITERATED])
+    assert notes == ([] if name == "linear" else [peers.ITERATED])
     point = next(point for point in points if point.line == "openseespy/newmark-average")
     assert (point.outcome, point.dt, point.steps) == ("done", dt, problem.samples * parts)
     assert point.fastest > 0.0
-    assert point.errors.displacement < 1e-8
-    assert point.errors.drift < 1e-8
-    assert point.errors.velocity < 1e-8
+    assert max(point.errors.displacement, point.errors.drift, point.errors.velocity) < 1e-8
     assert point.errors.acceleration < 1e-7
 
 
 @installed
-@pytest.mark.parametrize("method", ["hht", "generalized-alpha"])
-def test_other_integrators_of_openseespy_are_ours_too(method):
+def test_other_integrators_of_openseespy_are_ours_too():
     """In a linear building; and the two differ from average acceleration."""
     problem = PROBLEMS["linear"]()
-    points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
-    errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
-    assert errors[method] < 1e-8
-    assert errors["newmark-average"] > 1e-4
+    for method in ("hht", "generalized-alpha"):
+        points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
+        errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
+        assert errors[method] < 1e-8
+        assert errors["newmark-average"] > 1e-4
 
 
 @pytest.mark.parametrize(
@@ -97,17 +94,22 @@ def test_a_building_that_openseespy_is_not_given(building, reason):
 
 
 @pytest.mark.parametrize(
-    ("code", "output", "words"),
+    ("answer", "words"),
     [
-        (opensees_worker.NOT_INSTALLED, b"", "it is not installed (pip install 'tdint[peers]')"),
-        (opensees_worker.NOT_LOADED, b"", "it cannot be loaded (no libblas)"),
-        (-11, b"", "its process ended with code -11"),
-        (0, b"nonsense", "its process ended with code 0"),
+        ((opensees_worker.NOT_INSTALLED, b""), "it is not installed (pip install 'tdint[peers]')"),
+        ((opensees_worker.NOT_LOADED, b""), "it cannot be loaded (no libblas)"),
+        ((-11, b""), "its process ended with code -11"),
+        ((0, b"nonsense"), "its process ended with code 0"),
+        (None, "its process did not start or did not end"),
     ],
 )
-def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, code, output, words):
-    result = subprocess.CompletedProcess([], code, output, b"some\nno libblas\n")
-    monkeypatch.setattr(opensees_peer.subprocess, "run", lambda *_, **__: result)
+def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, answer, words):
+    def run(*_, **__):
+        if answer is None:
+            raise subprocess.TimeoutExpired("python", 1.0)
+        return subprocess.CompletedProcess([], *answer, b"some\nno libblas\n")
+
+    monkeypatch.setattr(peers.subprocess, "run", run)
     problem = PROBLEMS["linear"]()
     points, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
     assert (points, notes) == ([], [f"openseespy is left out: {words}"])
@@ -119,24 +121,14 @@ def test_the_worker_says_that_openseespy_is_missing():
     assert done.returncode == opensees_worker.NOT_INSTALLED
 
 
-def test_a_process_that_does_not_end_is_one_line(monkeypatch):
-    def hang(*_, **__):
-        raise subprocess.TimeoutExpired("python", 1.0)
-
-    monkeypatch.setattr(opensees_peer.subprocess, "run", hang)
-    problem = PROBLEMS["linear"]()
-    _, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
-    assert notes == ["openseespy is left out: its process did not start or did not end"]
-
-
 @pytest.mark.parametrize(("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.25, marks=pytest.mark.slow)])
 def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
     """By less where stories yield: the error estimates do not see how far a step went past a kink."""
-    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-4, 1e-6))
+    monkeypatch.setattr(peers, "TOLERANCES", (1e-4, 1e-6))
     problem = PROBLEMS[name]()
     points, notes = solve_ivp_points(problem, find_reference(problem, problem.samples, cached=False), seconds=60.0)
     assert notes == []
-    assert [point.line for point in points] == [f"scipy/{method}" for method in scipy_peer.METHODS for _ in range(2)]
+    assert [point.line for point in points] == [f"scipy/{method}" for method in peers.METHODS for _ in range(2)]
     for coarse, fine in zip(points[::2], points[1::2], strict=True):
         assert coarse.errors.displacement < 0.05
         assert fine.errors.displacement < part * coarse.errors.displacement
@@ -148,9 +140,7 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
     problem = PROBLEMS["linear"]()
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
     assert points == []
-    assert notes == [
-        f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s" for method in scipy_peer.METHODS
-    ]
+    assert notes == [f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s" for method in peers.METHODS]
     hardening = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))])
     problem = pose(hardening, noise(samples=51))
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01))
@@ -158,13 +148,13 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
 
 
 def test_peers_stand_behind_the_methods(monkeypatch):
-    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     problem = PROBLEMS["forced"]()
     chart = measure(problem, [parse("impulse4")], [0.02], repeats=1, cached=False)
     both, notes = with_peers(problem, chart, [0.02], repeats=1)
     assert both.points[: len(chart.points)] == chart.points
     lines = [point.line for point in both.points]
-    assert [line for line in lines if line.startswith("scipy")] == [f"scipy/{name}" for name in scipy_peer.METHODS]
+    assert [line for line in lines if line.startswith("scipy")] == [f"scipy/{name}" for name in peers.METHODS]
     assert any(line.startswith("openseespy") for line in lines) == (
         not any(note.startswith("openseespy is left out") for note in notes)
     )
@@ -205,15 +195,12 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
     ],
 )
 def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog, monkeypatch):
-    monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other", function),))
     problem = pose(ten_linear(), noise(samples=301))
+    monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other", function),))
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
     both, (note,) = with_plugins(problem, chart, repeats=1)
     assert both.points == chart.points
     assert note.startswith(f"leapfrog/other is left out: {said}")
-
-
-def test_peers_that_are_none_are_refused(leapfrog, monkeypatch):
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
     with pytest.raises(UsageError, match="PEERS holds pairs of a name and a function"):
-        with_plugins(pose(ten_linear(), noise(samples=301)), None, repeats=1)
+        with_plugins(problem, None, repeats=1)

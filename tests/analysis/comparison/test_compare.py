@@ -29,12 +29,20 @@ stories:
   - {mass: 0.8, stiffness: 500}
 damping: {modal: [0.02, 0.03, 0.04]}
 """
-FLOORS = """\
-base: {file: event.csv, column: base_m_s2}
-floors:
-  1: {file: event.csv, column: floor_1_m_s2}
-  roof: {file: event.csv, column: floor_3_m_s2}
-"""
+
+
+def sensor(column, more="", file="event.csv"):
+    return f"{{file: {file}, column: {column}{more}}}"
+
+
+def recording(base=None, first=None, roof=None, more=""):
+    """What a file of recordings says: accelerations of the base, floor 1 and the roof where no others are given."""
+    base, first = base or sensor("base_m_s2"), first or sensor("floor_1_m_s2")
+    return f"base: {base}\nfloors:\n  1: {first}\n  roof: {roof or sensor('floor_3_m_s2')}\n{more}"
+
+
+DISPLACEMENT = ", quantity: displacement"
+FLOORS = recording()
 
 
 def noise(seed, size=SIZE):
@@ -106,29 +114,31 @@ def test_noise_lowers_the_correlation_by_what_it_adds(made):
     assert roof.rms_difference == pytest.approx(part / math.sqrt(1.0 + part**2), abs=part * sampling)
 
 
-def test_two_sensors_of_the_base_are_averaged_and_a_sensor_may_be_turned(made):
-    """The difference of the two is a torsion that the mean does not see."""
+def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
+    """The difference of the two is a torsion that the mean does not see; of different quantities they are refused."""
     made.usual()
     plain = compare(made.model, made.event())
-    torsion = noise(9)
-    made.usual(
-        west_m_s2=made.base + torsion, east_m_s2=made.base - torsion, roof_cm_s2=-100.0 * made.motions["floor_3"]
-    )
-    text = FLOORS.replace(
-        "base: {file: event.csv, column: base_m_s2}",
-        "base: [{file: event.csv, column: west_m_s2}, {file: event.csv, column: east_m_s2}]",
-    ).replace("roof: {file: event.csv, column: floor_3_m_s2}", "3: {file: event.csv, column: roof_cm_s2, sign: -1}")
-    mean = compare(made.model, made.event(text))
+    turns = {"base": noise(9), "roof": 0.5 * noise(7)}
+    motions = {"base": made.base, "roof": made.motions["floor_3"]}
+    sides = {f"{place}_west_m_s2": motions[place] + turns[place] for place in turns}
+    sides |= {f"{place}_east_cm_s2": -100.0 * (motions[place] - turns[place]) for place in turns}
+    made.usual(**sides, roof_east_m=made.displacements["floor_3"])
+    base, roof = (f"[{sensor(f'{place}_west_m_s2')}, {sensor(f'{place}_east_cm_s2', ', sign: -1')}]" for place in turns)
+    mean = compare(made.model, made.event(recording(base, roof=roof)))
     for one, other in zip(mean.floors, plain.floors, strict=True):
         assert one.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
         np.testing.assert_allclose(one.computed, other.computed, atol=1e-9)
-    assert any("mean of 2 sensors" in note for note in mean.event.notes)
+    assert "floor 3: the mean of 2 sensors is compared" in mean.event.notes
+    assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
+    mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
+    with pytest.raises(RecordError, match="floor 3: its sensors are of acceleration and displacement"):
+        made.event(recording(roof=mixed))
 
 
 def test_displacements_are_relative_to_the_base(made):
     """Of a linear building without offsets; in mm, beside an acceleration."""
     made.usual(floor_1_mm=1e3 * made.displacements["floor_1"])
-    text = FLOORS.replace("column: floor_1_m_s2}", "column: floor_1_mm, quantity: displacement}") + "band: [0.3, 20]\n"
+    text = recording(first=sensor("floor_1_mm", DISPLACEMENT), more="band: [0.3, 20]\n")
     floors = compare(made.model, made.event(text)).floors
     assert [floor.quantity for floor in floors] == ["displacement", "acceleration"]
     assert floors[0].rms_difference < 1e-9
@@ -139,7 +149,7 @@ def test_a_displacement_of_the_base_is_differentiated(made):
     smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
     made.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
     by_acceleration = compare(made.model, made.event())
-    by_displacement = compare(made.model, made.event(FLOORS.replace("base_m_s2", "base_m")))
+    by_displacement = compare(made.model, made.event(recording(sensor("base_m"))))
     for one, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
         np.testing.assert_allclose(one.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed)))
 
@@ -149,14 +159,11 @@ def test_a_shift_of_the_clocks_is_found(made):
     late = 0.137
     made.usual()
     before = compare(made.model, made.event(FLOORS + "band: [0.5, 8]\n"))
-    time = DT * np.arange(2 * SIZE) / 2.0
     spectrum = np.fft.rfft(made.motions["floor_3"], 4 * SIZE)
     dense = np.fft.irfft(np.concatenate([spectrum, np.zeros(2 * SIZE)]), 8 * SIZE)[: 2 * SIZE] * 2.0
     made.write("roof.csv", DT / 2.0, late, roof_m_s2=dense)
-    assert time.size == dense.size
-    text = (
-        "base: {file: event.csv, column: base_m_s2}\nfloors: {3: {file: roof.csv, column: roof_m_s2}}\nband: [0.5, 8]\n"
-    )
+    roof = sensor("roof_m_s2", file="roof.csv")
+    text = f"base: {sensor('base_m_s2')}\nfloors: {{3: {roof}}}\nband: [0.5, 8]\n"
     found = compare(made.model, made.event(text + "shift: auto\n"))
     assert found.shift == pytest.approx(-late, abs=1e-3)
     assert found.floors[0].correlation == pytest.approx(before.floors[-1].correlation, abs=1e-3)
@@ -182,7 +189,7 @@ def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_p
     plain = compare(made.model, made.event())
     header = {"delta": DT, "starttime": UTCDateTime(2016, 11, 13), "channel": "HNE"}
     Trace(made.motions["floor_1"].copy(), header).write(str(tmp_path / "floor.mseed"), format="MSEED")
-    mixed = FLOORS.replace("{file: event.csv, column: floor_1_m_s2}", "{file: floor.mseed, units: m/s^2}")
+    mixed = recording(first="{file: floor.mseed, units: m/s^2}")
     other = compare(made.model, made.event(mixed))
     np.testing.assert_allclose(other.floors[0].recorded, plain.floors[0].recorded, atol=1e-9)
     assert [note for note in other.event.notes if "the files do not tell on one clock" in note]
@@ -219,7 +226,7 @@ def test_spectra_of_both(made):
     band = "band: [0.3, 5]\n"
     periods = np.array([0.25, 0.5, 1.0])
     by_acceleration = compare(made.model, made.event(FLOORS + band)).spectra(periods, 0.05)[0]
-    text = FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m") + band
+    text = recording(first=sensor("floor_1_m"), more=band)
     by_displacement = compare(made.model, made.event(text)).spectra(periods, 0.05)[0]
     np.testing.assert_allclose(by_acceleration.computed, by_acceleration.recorded, rtol=1e-9)
     # Second differences lose 1/12 (omega dt)^2 of a frequency: 3 % at 5 Hz.
@@ -234,7 +241,7 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
         for name, values in made.motions.items()
     }
     made.usual(**noisy)
-    event = made.event(FLOORS + "  2: {file: event.csv, column: floor_2_m_s2}\nband: [0.3, 15]\n")
+    event = made.event(recording(more=f"  2: {sensor('floor_2_m_s2')}\nband: [0.3, 15]\n"))
     stories = [
         replace(story, stiffness=story.stiffness * factor)
         for story, factor in zip(made.model.stories, (1.3, 0.7, 1.3), strict=True)
@@ -249,14 +256,15 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
 
 
-@pytest.mark.parametrize("median", [0.004, -0.006])
-def test_a_motion_of_its_own_is_fitted_to_rounding(made, median):
+def test_a_motion_of_its_own_is_fitted_to_rounding(made):
     """A base whose median is not 0 by chance is not moved; what is left is the rounding of the table, 12 digits."""
-    base = made.base + median
-    history = run_case(prepare(made.model, Record(base, DT, "", "", "", "noise"), method="exact"), history=True).history
-    made.write(base_m_s2=base, **{f"floor_{i + 1}_m_s2": history.acceleration[:, i] for i in range(3)})
-    event = made.event(FLOORS)
-    assert np.median(event.base.acceleration) == pytest.approx(median)
+    for median in (0.004, -0.006):
+        base = made.base + median
+        record = Record(base, DT, "", "", "", "noise")
+        history = run_case(prepare(made.model, record, method="exact"), history=True).history
+        made.write(base_m_s2=base, **{f"floor_{i + 1}_m_s2": history.acceleration[:, i] for i in range(3)})
+        event = made.event(FLOORS)
+        assert np.median(event.base.acceleration) == pytest.approx(median)
     stories = tuple(replace(story, stiffness=1.2 * story.stiffness) for story in made.model.stories)
     found = fit(replace(made.model, stories=stories), event, ["stiffness"])
     assert [one.value for one in found.values] == pytest.approx([900.0, 700.0, 500.0], rel=1e-9)
@@ -290,24 +298,26 @@ def test_what_cannot_be_fitted_is_refused(made):
         fit(made.model, event, ["mass"])
 
 
-def test_files_that_do_not_fit(made):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            recording(first=sensor("floor_1_m_s2", DISPLACEMENT)),
+            r"units say acceleration, its quantity says displacement.*one of m, cm",
+        ),
+        (recording(first=sensor("floor_9_m_s2")), "there is no column 'floor_9_m_s2'; did you mean"),
+        (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
+        (recording(roof=sensor("roof", ", units: g", "other.csv")), "recorded at another time"),
+        (recording(more="band: [0.5, 25]\n"), "is not below the Nyquist frequency, 25 Hz"),
+    ],
+)
+def test_files_that_do_not_fit(made, text, message):
     made.usual()
-    with pytest.raises(RecordError, match=r"units say acceleration, its quantity says displacement.*one of m, cm"):
-        made.event(FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement"))
-    cured = made.event(
-        FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement, units: cm")
-    )
-    assert cured.floors[0].quantity == "displacement"  # as the message advises
-    with pytest.raises(RecordError, match="there is no column 'floor_9_m_s2'; did you mean"):
-        made.event(FLOORS.replace("floor_1_m_s2", "floor_9_m_s2"))
     made.write("other.csv", start=100.0, roof=made.base)
-    text = FLOORS.replace("file: event.csv, column: floor_3_m_s2", "file: other.csv, column: roof")
-    with pytest.raises(RecordError, match="does not end with its units"):
+    with pytest.raises(RecordError, match=message):
         made.event(text)
-    with pytest.raises(RecordError, match="recorded at another time"):
-        made.event(text.replace("column: roof", "column: roof, units: g"))
-    with pytest.raises(RecordError, match="is not below the Nyquist frequency, 25 Hz"):
-        made.event(FLOORS + "band: [0.5, 25]\n")
+    cured = made.event(recording(first=sensor("floor_1_m_s2", f"{DISPLACEMENT}, units: cm")))
+    assert cured.floors[0].quantity == "displacement"  # as the first message advises
 
 
 def test_the_step_is_no_longer_than_the_interval(made):
@@ -337,7 +347,7 @@ def test_a_displacement_that_remains_leaves_no_jump(made):
     ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
     motion = made.displacements["floor_3"] + ramp
     made.usual(floor_3_m=motion)
-    text = FLOORS.replace("floor_3_m_s2", "floor_3_m, quantity: displacement") + "band: [0.2, 20]\n"
+    text = recording(roof=sensor("floor_3_m", DISPLACEMENT), more="band: [0.2, 20]\n")
     (floor,) = compare(made.model, made.event(text)).floors[1:]
     (_, spectra) = compare(made.model, made.event(text)).spectra(np.array([0.05]), 0.05)
     without = np.max(np.abs(made.motions["floor_3"]))
@@ -348,27 +358,12 @@ def test_a_displacement_that_remains_leaves_no_jump(made):
 def test_an_absolute_displacement_is_told(made):
     wave = np.cumsum(np.cumsum(made.base)) * DT * DT
     made.usual(floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"])
-    absolute = FLOORS.replace("floor_3_m_s2", "floor_3_m, quantity: displacement") + "band: [0.5, 20]\n"
+    absolute, relative = (
+        recording(roof=sensor(column, DISPLACEMENT), more="band: [0.5, 20]\n") for column in ("floor_3_m", "right_m")
+    )
     (text,) = absolute_displacements(compare(made.model, made.event(absolute)))
     assert text.startswith("floor 3: less the base's displacement the recording has a correlation of ")
-    relative = absolute.replace("floor_3_m,", "right_m,")
     assert absolute_displacements(compare(made.model, made.event(relative))) == []
-
-
-def test_the_sensors_of_a_floor_are_averaged(made):
-    """Two at the ends of a floor that turns: the mean is the translation; of different quantities they are refused."""
-    turn = 0.5 * noise(7)
-    roof = made.motions["floor_3"]
-    made.usual(west_m_s2=roof + turn, east_m_s2=roof - turn)
-    west, east = ("{file: event.csv, column: " + f"{side}_m_s2}}" for side in ("west", "east"))
-    event = made.event(FLOORS.replace("{file: event.csv, column: floor_3_m_s2}", f"[{west}, {east}]"))
-    assert "floor 3: the mean of 2 sensors is compared" in event.notes
-    assert compare(made.model, event).floors[-1].correlation == pytest.approx(1.0, abs=1e-6)
-    made.usual(west_m_s2=roof, east_m=made.displacements["floor_3"])
-    pair = f"[{west}, {east}]".replace("east_m_s2", "east_m")
-    mixed = FLOORS.replace("{file: event.csv, column: floor_3_m_s2}", pair)
-    with pytest.raises(RecordError, match="floor 3: its sensors are of acceleration and displacement"):
-        made.event(mixed)
 
 
 # ---- Fits
@@ -378,7 +373,7 @@ def test_a_common_factor_is_what_a_roof_sensor_tells(made):
     """All stiffnesses 30 % off, one sensor: the factor is found, with a small standard error."""
     made.usual()
     soft = replace(made.model, stories=tuple(replace(one, stiffness=one.stiffness / 1.3) for one in made.model.stories))
-    only_roof = FLOORS.replace("  1: {file: event.csv, column: floor_1_m_s2}\n", "")
+    only_roof = f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
     found = fit(soft, made.event(only_roof), ["stiffness-factor"])
     (value,) = found.values
     assert (value.name, value.place, value.low, value.high) == ("stiffness_factor", None, 0.1, 10.0)

@@ -8,7 +8,6 @@ import pytest
 import building_cases
 from building_cases import Law, story
 from tdint import load_model
-from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import run
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
@@ -93,9 +92,3 @@ def test_the_work_of_dashpots_is_apart_from_that_of_damping():
     assert without.energy.devices == 0.0 and not np.any(without.stories.peak_damper_force)
     undamped = run(replace(model, damping=None), duration=12.0).energy
     assert abs(undamped.damping) < 1e-3 * undamped.devices
-
-
-def test_columns_of_a_story_stand_in_their_order():
-    names = [one.column for one in STORY]
-    first = names.index("peak_shear_N")
-    assert names[first : first + 3] == ["peak_shear_N", "peak_damper_force_N", "peak_total_shear_N"]

@@ -93,17 +93,6 @@ def test_the_bound_on_the_frequencies(n):
     assert uniform.fastest <= 2.0
 
 
-def test_a_history_of_every_fourth_step_is_that_of_all_steps_thinned():
-    record = noise(samples=51)
-    prepared, integrator = PreparedBuilding.of(ten_linear()), parse("newmark-average")
-    steps = Steps(record.dt / 4.0, 200, per_sample=4)
-    marches = [prepared.march(integrator, steps, record.acceleration.copy(), rows=rows) for rows in (200, 50)]
-    assert [marched.code for marched in marches] == [0, 0]
-    histories = [marched.space.history for marched in marches]
-    np.testing.assert_array_equal(histories[1], histories[0][::4])
-    assert histories[1].shape[0] == 51
-
-
 def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
     with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
         PreparedBuilding.of(ten_linear()).march(parse("newmark-average"), Steps(0.01, 200), rows=30)

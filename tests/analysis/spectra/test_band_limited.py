@@ -17,30 +17,33 @@ WINDOW = {0: 3 / 8, 1: -1 / 4, -1: -1 / 4, 2: 1 / 16, -2: 1 / 16}  # (1 - cos(2 
 DAMPING = 0.05
 
 
-def waves():
-    """Circular frequencies and complex amplitudes whose sum is the windowed motion."""
-    duration = (SAMPLES - 1) * DT
-    return [
-        (2.0 * math.pi * (f + k / duration), a * weight * np.exp(1j * phase))
-        for f, a, phase in zip(FREQUENCIES, AMPLITUDES, PHASES, strict=True)
-        for k, weight in WINDOW.items()
-    ]
+DURATION = (SAMPLES - 1) * DT
+OMEGA = 2.0 * math.pi * np.array([f + k / DURATION for f in FREQUENCIES for k in WINDOW])
+"""Circular frequencies of the windowed motion, and complex amplitudes."""
+WAVES = np.array([a * w * np.exp(1j * p) for a, p in zip(AMPLITUDES, PHASES, strict=True) for w in WINDOW.values()])
 
 
 def motion(t):
-    return sum((c * np.exp(1j * w * t)).real for w, c in waves())
+    return (WAVES @ np.exp(1j * OMEGA[:, None] * t)).real
 
 
-def response(period, t):
+@pytest.fixture(scope="module")
+def dense():
+    """Many points between the samples, and each wave at them."""
+    t = np.arange((SAMPLES - 1) * 100 + 1) * (DT / 100)
+    return t, np.exp(1j * OMEGA[:, None] * t)
+
+
+def response(period, t, turning):
     """Relative displacement and velocity, absolute acceleration from rest: forced waves and a free vibration."""
     omega = 2.0 * math.pi / period
-    forced = [(w, -c / (omega**2 - w**2 + 2j * DAMPING * omega * w)) for w, c in waves()]
+    forced = -WAVES / (omega**2 - OMEGA**2 + 2j * DAMPING * omega * OMEGA)
     free = omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2))
-    u0, v0 = -sum(c for _, c in forced).real, -sum(1j * w * c for w, c in forced).real
+    u0, v0 = -forced.sum().real, -(1j * OMEGA @ forced).real
     amplitude = u0 - 1j * (v0 - free.real * u0) / free.imag
-    decay = np.exp(free * t)
-    u = sum((c * np.exp(1j * w * t)).real for w, c in forced) + (amplitude * decay).real
-    v = sum((1j * w * c * np.exp(1j * w * t)).real for w, c in forced) + (amplitude * free * decay).real
+    decay = amplitude * np.exp(free * t)
+    u = (forced @ turning + decay).real
+    v = ((1j * OMEGA * forced) @ turning + free * decay).real
     return u, v, omega**2 * u + 2.0 * DAMPING * omega * v
 
 
@@ -60,17 +63,16 @@ def record():
 @pytest.mark.parametrize(
     ("period", "bound"), [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)]
 )
-def test_response_to_the_motion_itself(record, period, bound):
-    t = np.arange((SAMPLES - 1) * 200 + 1) * (DT / 200)
-    exact = [largest(values) for values in response(period, t)]
+def test_response_to_the_motion_itself(record, dense, period, bound):
+    exact = [largest(values) for values in response(period, *dense)]
     result = spectrum(record, np.array([period]), DAMPING, interpolation="band-limited")
     np.testing.assert_allclose([result.sd[0], result.sv[0], result.sa[0]], exact, rtol=bound)
     if period < 0.3:  # and the lines between the samples are another motion
         assert abs(spectrum(record, np.array([period]), DAMPING).psa[0] / result.psa[0] - 1.0) > 2e-3
 
 
-def test_peak_ground_acceleration(record):
-    exact = largest(motion(np.arange((SAMPLES - 1) * 200 + 1) * (DT / 200)))
+def test_peak_ground_acceleration(record, dense):
+    exact = largest((WAVES @ dense[1]).real)
     result = spectrum(record, np.array([0.0]), DAMPING, interpolation="band-limited")
     assert result.psa[0] == result.sa[0] == pytest.approx(exact, rel=1e-5)
     assert record.pga < 0.999 * exact

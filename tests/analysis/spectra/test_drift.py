@@ -52,18 +52,6 @@ def test_maxima_lie_between_the_samples(damping):
     assert np.array_equal(coarse.story, fine.story)
 
 
-def test_one_story_is_the_oscillator_over_its_height():
-    record = noise(samples=401)
-    periods = np.array([0.1, 0.5, 2.0])
-    spectrum = drift_spectrum(record, periods, 0.05, stories=1)
-    for i, period in enumerate(periods):
-        motion = exact_linear(uniform(period, 1, 0.05), finer(record, 50))
-        sd = np.max(np.abs(motion))
-        assert spectrum.peak_drift_ratio[i] * spectrum.heights[i] == pytest.approx(sd, rel=2e-5)
-    assert spectrum.peak_drift_ratio == pytest.approx(spectrum.roof_drift_ratio, rel=1e-12)
-    assert np.array_equal(spectrum.story, [1, 1, 1])
-
-
 def velocity(record, times):
     """Ground velocity at any times, 0 before the motion; exact."""
     a, h = record.acceleration, record.dt
@@ -105,37 +93,6 @@ def test_the_damped_beam_is_the_convolution_with_its_impulse_response(period, da
     drift = np.fft.irfft(np.fft.rfft(means, twice) * np.fft.rfft(kernel[:-1], twice), twice)[: means.size] * motion.dt
     expected = np.max(np.abs(drift)) / spectrum.heights[0]
     assert spectrum.peak_drift_ratio[0] == pytest.approx(expected, rel=2e-4)
-
-
-@pytest.mark.parametrize("period", [0.5, 1.0])
-def test_many_stories_tend_to_the_beam(period):
-    """The drift of the lowest story is that of the beam half a story higher up: order 1. The roof: order 2."""
-    record = Record(noise(samples=401, seed=3).acceleration, 0.01, "", "", "", "")
-    periods = np.array([period])
-    beam = drift_spectrum(record, periods, beam=True)
-    buildings = [drift_spectrum(record, periods, stories=n) for n in (40, 80, 160)]
-    assert all(building.story[0] == 1 for building in buildings)
-    peaks = [abs(building.peak_drift_ratio[0] / beam.peak_drift_ratio[0] - 1.0) for building in buildings]
-    roofs = [abs(building.roof_drift_ratio[0] / beam.roof_drift_ratio[0] - 1.0) for building in buildings]
-    assert np.log2(np.array(peaks[:-1]) / peaks[1:]) == pytest.approx([1.0, 1.0], abs=0.1)
-    assert np.log2(np.array(roofs[:-1]) / roofs[1:]) == pytest.approx([2.0, 2.0], abs=0.1)
-    assert peaks[-1] < 0.02
-
-
-def test_a_steady_acceleration_has_static_drifts():
-    """Without vibration story i carries the floors above it, m (n - i + 1) ag; the beam's base drifts by H ag / c^2."""
-    n, period, height = 6, 0.5, 5.0
-    rise = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, 2001))
-    record = Record(np.append(rise, np.ones(10)), 0.01, "", "", "", "")
-    k_over_m = (math.pi / period / math.sin(math.pi / (2.0 * (2 * n + 1)))) ** 2
-    building = drift_spectrum(record, np.array([period]), 0.3, stories=n, height_period=MANY)
-    assert building.heights[0] == pytest.approx(height, rel=1e-14)
-    assert building.peak_drift_ratio[0] == pytest.approx(n / k_over_m * n / height, rel=1e-3)
-    assert building.roof_drift_ratio[0] == pytest.approx(n * (n + 1) / 2 / k_over_m / height, rel=1e-3)
-    beam = drift_spectrum(record, np.array([period]), 0.3, beam=True, height_period=MANY)
-    speed = 4.0 * height / period
-    assert beam.peak_drift_ratio[0] == pytest.approx(height / speed**2, rel=1e-3)
-    assert beam.roof_drift_ratio[0] == pytest.approx(0.5 * height / speed**2, rel=1e-3)
 
 
 def test_heights_and_numbers_of_stories():

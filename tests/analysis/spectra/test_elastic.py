@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from building_cases import noise, oscillator
-from references import exact_linear
 from tdint import run, spectrum
 from tdint.analysis.spectra.drift import drift_spectrum
 from tdint.analysis.spectra.inelastic import constant_ductility
@@ -17,20 +16,11 @@ from tdint.ground_motion.record import Record
 PERIODS = np.array([0.01, 0.03, 0.1, 0.35, 1.0, 3.0, 10.0])
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.02, 0.05, 0.2, 0.9])
-def test_displacements_at_the_samples_are_those_of_the_matrix_exponential(damping):
-    record = noise(samples=601)
-    measured = spectrum(record, PERIODS, damping, maxima="samples")
-    for period, sd in zip(PERIODS, measured.sd, strict=True):
-        exact = np.max(np.abs(exact_linear(oscillator(2.0 * math.pi / period, damping), record)))
-        assert sd == pytest.approx(exact, rel=1e-9)
-
-
 def test_all_five_quantities_are_those_of_one_story():
     """A one-story building integrated exactly; its acceleration comes from equilibrium."""
     record = noise()
     omega = 2.0 * math.pi / PERIODS
-    result = spectrum(record, PERIODS, 0.05, maxima="samples")
+    result = spectrum(record, PERIODS, 0.05, maxima="samples", method="exact")
     for i, w in enumerate(omega):
         history = run(oscillator(w, 0.05), record, method="exact", history=True).history
         assert result.sd[i] == pytest.approx(np.max(np.abs(history.displacement)), rel=1e-9)
@@ -38,19 +28,6 @@ def test_all_five_quantities_are_those_of_one_story():
         assert result.sa[i] == pytest.approx(np.max(np.abs(history.acceleration)), rel=1e-8)
     assert result.psv == pytest.approx(omega * result.sd, rel=1e-14)
     assert result.psa == pytest.approx(omega**2 * result.sd, rel=1e-14)
-
-
-def test_limits_of_short_and_long_periods():
-    """A stiff oscillator follows the ground: SA = PGA; a soft one stays behind: SD = largest ground displacement."""
-    record = noise(samples=2001)
-    result = spectrum(record, np.array([1e-3, 1e3]), 0.05)
-    assert result.sa[0] == pytest.approx(record.pga, rel=1e-2)
-    assert result.psa[0] == pytest.approx(record.pga, rel=1e-2)
-    dt = record.dt
-    velocity = np.append(0.0, np.cumsum(0.5 * dt * (record.acceleration[1:] + record.acceleration[:-1])))
-    slopes = dt * dt * (record.acceleration[:-1] / 3.0 + record.acceleration[1:] / 6.0)
-    displacement = np.append(0.0, np.cumsum(dt * velocity[:-1] + slopes))
-    assert result.sd[1] == pytest.approx(np.max(np.abs(displacement)), rel=2e-2)
 
 
 def test_a_rigid_oscillator_moves_with_the_ground():
@@ -91,11 +68,6 @@ def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
     assert np.max(np.abs(spectrum(record, periods, method="impulse4").sd / spectrum(record, periods).sd - 1)) < 1e-5
 
 
-def test_exact_by_name_is_the_default():
-    record = noise(samples=201)
-    assert np.array_equal(spectrum(record, PERIODS, method="exact").sd, spectrum(record, PERIODS).sd)
-
-
 def test_an_unstable_method_is_refused():
     with pytest.raises(AnalysisError, match=r"central-difference is unstable .* for the period 0\.01 s"):
         spectrum(noise(samples=201), PERIODS, method="central-difference")
@@ -104,50 +76,39 @@ def test_an_unstable_method_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("periods", "damping", "message"),
+    ("periods", "damping", "choices", "message"),
     [
-        ([1.0, -1.0], 0.05, "periods must be numbers of seconds"),
-        ([math.nan], 0.05, "periods must be numbers of seconds"),
-        ([], 0.05, "periods must be numbers of seconds"),
-        ([1.0], 1.0, "damping must be a ratio"),
-        ([1.0], -0.1, "damping must be a ratio"),
+        ([1.0, -1.0], 0.05, {}, "periods must be numbers of seconds"),
+        ([math.nan], 0.05, {}, "periods must be numbers of seconds"),
+        ([], 0.05, {}, "periods must be numbers of seconds"),
+        ([1.0], 1.0, {}, "damping must be a ratio"),
+        ([1.0], -0.1, {}, "damping must be a ratio"),
+        ([1.0], 0.05, {"maxima": "best"}, "maxima must be one of exact, peer, samples, got 'best'"),
+        ([1.0], 0.05, {"interpolation": "cubic"}, "interpolation must be one of linear, band-limited, got 'cubic'"),
+        ([1.0], 0.05, {"method": "newmark", "maxima": "exact"}, "the maxima are those of its own motion"),
+        ([1.0], 0.05, {"method": "newmark", "interpolation": "band-limited"}, "the interpolation is linear"),
+        (
+            *([1.0], 0.05, {"maxima": "peer", "interpolation": "band-limited"}),
+            "maxima peer are those of the linear interpolation",
+        ),
     ],
 )
-def test_wrong_arguments(periods, damping, message):
+def test_what_makes_no_sense_is_refused(periods, damping, choices, message):
     with pytest.raises(UsageError, match=message):
-        spectrum(noise(samples=21), np.array(periods), damping)
+        spectrum(noise(samples=21), np.array(periods), damping, **choices)
 
 
 @pytest.mark.parametrize(
-    ("choices", "message"),
+    ("asked", "told"),
     [
-        ({"maxima": "best"}, "maxima must be one of exact, peer, samples, got 'best'"),
-        ({"interpolation": "cubic"}, "interpolation must be one of linear, band-limited, got 'cubic'"),
-        ({"method": "newmark", "maxima": "exact"}, "the maxima are those of its own motion"),
-        ({"method": "newmark", "interpolation": "band-limited"}, "the interpolation is linear"),
-        ({"maxima": "peer", "interpolation": "band-limited"}, "maxima peer are those of the linear interpolation"),
+        ({}, ("exact", "exact", "linear")),
+        ({"method": "exact", "interpolation": "band-limited"}, ("exact", "exact", "band-limited")),
+        ({"method": "newmark-average"}, ("newmark-average", "interpolated", "linear")),
     ],
 )
-def test_choices_that_make_no_sense(choices, message):
-    with pytest.raises(UsageError, match=message):
-        spectrum(noise(samples=21), np.array([1.0]), **choices)
-
-
-def test_the_choices_are_told():
-    record, period = noise(samples=21), np.array([1.0])
-    told = [
-        (result.method, result.maxima, result.interpolation)
-        for result in (
-            spectrum(record, period),
-            spectrum(record, period, method="exact", interpolation="band-limited"),
-            spectrum(record, period, method="newmark-average"),
-        )
-    ]
-    assert told == [
-        ("exact", "exact", "linear"),
-        ("exact", "exact", "band-limited"),
-        ("newmark-average", "interpolated", "linear"),
-    ]
+def test_the_choices_are_told(asked, told):
+    result = spectrum(noise(samples=21), np.array([1.0]), **asked)
+    assert (result.method, result.maxima, result.interpolation) == told
 
 
 def test_a_period_far_below_the_sampling_interval_is_refused():

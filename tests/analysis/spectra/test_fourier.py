@@ -34,15 +34,6 @@ def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
     assert np.max(np.delete(found.amplitude, cycles - 1)) < 1e-10
 
 
-def test_a_decaying_exponential_has_that_of_its_integral() -> None:
-    """a exp(-c t): a / sqrt(c^2 + omega^2), but for what sampling does where omega dt is small."""
-    c = 2.0
-    found = tdint.fourier_spectrum(record(5.0 * np.exp(-c * DT * np.arange(SIZE))), None)
-    low = found.frequencies < 1.0
-    expected = 5.0 / np.hypot(c, 2.0 * math.pi * found.frequencies)
-    np.testing.assert_allclose(found.amplitude[low], expected[low], rtol=2e-2)
-
-
 @pytest.mark.parametrize("size", [SIZE, SIZE - 1])
 def test_the_sum_of_parseval(noise, size) -> None:
     """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end has one sign."""
@@ -56,30 +47,16 @@ def test_the_sum_of_parseval(noise, size) -> None:
 
 
 @pytest.mark.parametrize("bandwidth", [10.0, 40.0, 188.0])
-def test_smoothing_a_constant_is_the_constant(bandwidth) -> None:
-    """One sample that is not zero has the same amplitude at every frequency."""
-    impulse = np.zeros(SIZE)
-    impulse[17] = 4.0
-    found = tdint.fourier_spectrum(record(impulse), bandwidth)
-    np.testing.assert_allclose(found.amplitude, 4.0 * DT, rtol=1e-12)
-    assert found.frequencies.size <= 300
-
-
-@pytest.mark.parametrize("bandwidth", [20.0, 40.0])
 def test_the_window_is_that_of_konno_and_ohmachi(noise, bandwidth) -> None:
     """ObsPy's window, normalized, at the same frequencies."""
     with quiet_import():
         from obspy.signal.konnoohmachismoothing import konno_ohmachi_smoothing_window
     plain = tdint.fourier_spectrum(noise, None)
     found = tdint.fourier_spectrum(noise, bandwidth)
+    assert found.frequencies.size <= 300
     for frequency, amplitude in list(zip(found.frequencies, found.amplitude, strict=True))[::10]:
         window = konno_ohmachi_smoothing_window(plain.frequencies, frequency, bandwidth, normalize=True)
         assert amplitude == pytest.approx(window @ plain.amplitude, rel=1e-9)
-
-
-def test_a_larger_bandwidth_smooths_less(noise) -> None:
-    rough = [np.std(np.diff(np.log(tdint.fourier_spectrum(noise, b).amplitude))) for b in (10.0, 40.0, 160.0)]
-    assert rough[0] < rough[1] < rough[2]
 
 
 def test_scaled_motions_have_scaled_spectra(noise) -> None:

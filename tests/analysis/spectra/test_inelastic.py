@@ -58,40 +58,20 @@ def test_ductility_1_is_the_exact_elastic_spectrum(damping):
     assert np.array_equal(spectrum.residual, np.zeros(4))
 
 
-@pytest.mark.parametrize("load", [0.55, 0.7, 0.9, 0.97])
-def test_a_suddenly_applied_force_on_an_elastoplastic_oscillator(load):
-    """Work and energy: force over strength F gives the ductility 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
-    strength = 2.0
-    (spectrum,) = constant_strength(
-        steady(load * strength, 15.0), np.array([0.3, 1.0]), [strength / STANDARD_GRAVITY], 0.0
-    )
-    assert spectrum.ductility == pytest.approx(np.full(2, 0.5 / (1.0 - load)), rel=1e-12)
-
-
-@pytest.mark.parametrize(("load", "hardening"), [(0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)])
-def test_a_suddenly_applied_force_on_a_hardening_oscillator(load, hardening):
-    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken up."""
+@pytest.mark.parametrize(
+    ("load", "hardening"), [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)]
+)
+def test_a_suddenly_applied_force(load, hardening):
+    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken up. Of an
+    elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
     strength = 2.0
     (spectrum,) = constant_strength(
         steady(load * strength, 20.0), np.array([1.0]), [strength / STANDARD_GRAVITY], 0.0, hardening=hardening
     )
-    yielded = ((load - 1.0) + math.sqrt((load - 1.0) ** 2 + hardening * (2.0 * load - 1.0))) / hardening
-    assert spectrum.ductility[0] == pytest.approx(1.0 + yielded, rel=1e-11)
-
-
-def test_the_rest_position_after_a_force():
-    """The force goes when the oscillator stands still at its largest displacement: it swings back elastically with the
-    yield displacement about its rest position, and that is the largest less the yield displacement."""
-    load, strength, period = 0.8, 2.0, 1.0
-    mu = 0.5 / (1.0 - load)
-    # Elastic until cos(omega t) = 1 - 1 / load; then the deceleration is strength - load.
-    phase = math.acos(1.0 - 1.0 / load)
-    omega = 2.0 * math.pi / period
-    until = phase / omega + load * strength / omega * math.sin(phase) / (strength * (1.0 - load))
-    record = Record(np.full(101, load * strength), until / 100, "", "", "", "")
-    (spectrum,) = constant_strength(record, np.array([period]), [strength / STANDARD_GRAVITY], 0.0)
-    assert spectrum.ductility[0] == pytest.approx(mu, rel=1e-12)
-    assert spectrum.residual[0] == pytest.approx(-(mu - 1.0) * spectrum.yield_displacement[0], rel=1e-6)
+    ductility = 0.5 / (1.0 - load) if hardening == 0.0 else 1.0
+    if hardening:
+        ductility += ((load - 1.0) + math.sqrt((load - 1.0) ** 2 + hardening * (2.0 * load - 1.0))) / hardening
+    assert spectrum.ductility[0] == pytest.approx(ductility, rel=1e-11)
 
 
 @pytest.mark.parametrize("hardening", [0.0, 0.1])
@@ -122,24 +102,9 @@ def test_the_residual_is_where_a_long_run_ends(hardening):
     assert np.all(np.abs(spectrum.residual) > 1e-3 * spectrum.sd)
 
 
-@pytest.mark.parametrize("hardening", [0.0, 0.05, 0.9])
-@pytest.mark.parametrize("damping", [0.0, 0.05, 0.9])
-def test_more_samples_of_the_same_motion_change_nothing(damping, hardening):
-    """Events and maxima are found within the steps, however long these are."""
-    record = noise(samples=201)
-    periods = np.array([0.005, 0.03, 0.3, 3.0])
-    strengths = [0.05, 0.2]
-    for coarse, fine in zip(
-        constant_strength(record, periods, strengths, damping, hardening=hardening),
-        constant_strength(finer(record, 7), periods, strengths, damping, hardening=hardening),
-        strict=True,
-    ):
-        assert coarse.sd == pytest.approx(fine.sd, rel=1e-8)
-        assert coarse.residual == pytest.approx(fine.residual, rel=1e-6, abs=1e-8 * coarse.sd.max())
-
-
 def test_random_oscillators_under_random_motions():
-    """Noise, plateaus, spikes and steps; sampled coarsely or finely; weak and strong, stiff and soft oscillators."""
+    """Noise, plateaus, spikes and steps; weak and strong, stiff and soft oscillators: more samples of the same motion
+    change nothing, for events and maxima are found within the steps, however long these are."""
     generator = np.random.default_rng(5)
     for trial in range(200):
         noise = generator.normal(size=int(generator.integers(2, 200)))
@@ -171,24 +136,6 @@ def test_a_strong_oscillator_stays_elastic():
     assert spectrum.target is None
 
 
-def test_limits_of_short_and_long_periods():
-    """A stiff oscillator needs the strength of the ground acceleration; a soft one stands still: equal displacement."""
-    record = noise(samples=1001)
-    stiff, soft = 1e-3, 300.0
-    for spectrum in constant_ductility(record, np.array([stiff, soft]), [2.0, 8.0], 0.05):
-        assert spectrum.yield_acceleration[0] == pytest.approx(record.pga, rel=0.02)
-        assert spectrum.sd[1] == pytest.approx(spectrum.elastic_sd[1], rel=0.02)
-        assert spectrum.reduction_factor[1] == pytest.approx(spectrum.target, rel=0.02)
-
-
-def test_a_stronger_motion_needs_so_much_more_strength():
-    periods = np.geomspace(0.1, 3.0, 5)
-    (once,) = constant_ductility(NOISE, periods, [3.0])
-    (twice,) = constant_ductility(NOISE.scaled(-2.0), periods, [3.0])
-    assert twice.yield_strength_ratio == pytest.approx(2.0 * once.yield_strength_ratio, rel=1e-8)
-    assert twice.residual == pytest.approx(-2.0 * once.residual, rel=1e-5, abs=1e-9)
-
-
 def test_a_motion_of_zeros_needs_no_strength():
     record = Record(np.zeros(50), 0.01, "", "", "", "")
     (spectrum,) = constant_ductility(record, np.array([1.0]), [2.0])
@@ -213,22 +160,6 @@ def test_elastoplastic_oscillators_under_el_centro():
 
 
 # The search
-
-
-@pytest.mark.parametrize("period", [0.09, 0.3, 1.1])
-def test_the_strength_is_the_largest(period):
-    """No strength above it reaches the ductility: gone through in steps of 0.2 %."""
-    omega = 2.0 * math.pi / period
-    spectra = constant_ductility(NOISE, np.array([period]), [2.0, 6.0])
-    for spectrum in spectra:
-        ratio = 1.0 / spectrum.reduction_factor[0]
-        elastic = omega**2 * spectrum.elastic_sd[0] / STANDARD_GRAVITY
-        stronger = np.geomspace(1.001 * ratio, 1.0, math.ceil(-math.log(ratio) / 0.002))
-        ductility = [
-            s.ductility[0] for s in constant_strength(NOISE, np.array([period]), (stronger * elastic).tolist())
-        ]
-        assert max(ductility) < spectrum.target
-    assert spectra[0].yield_strength_ratio[0] > spectra[1].yield_strength_ratio[0]
 
 
 def bumpy(heights, places, widths):

@@ -1,7 +1,6 @@
-"""Response spectrum analysis: a two-story frame by hand, and linear buildings beside their time histories."""
+"""Response spectrum analysis: a two-story frame by hand, published correlations, modes outside of a target."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ from building_cases import model, story
 from tdint.analysis.spectra.modal import correlations
 from tdint.errors import UsageError
 from tdint.units import STANDARD_GRAVITY as G
-
-RECORDS = Path(__file__).parents[3] / "records"
 
 
 def table(folder, periods, psa):
@@ -51,27 +48,6 @@ def test_correlations_have_the_published_values():
     assert rho[3, :3] == pytest.approx([0.018486, 0.165635, 0.473028], abs=5e-7)
     assert rho == pytest.approx(rho.T, rel=1e-12)
     assert np.diagonal(rho) == pytest.approx(np.ones(4), rel=1e-14)
-
-
-def test_the_mean_of_time_histories(tmp_path):
-    """Ten linear stories at 5 %, under five motions, and the mean of their own spectra as the target."""
-    frame = tdint.load_model(
-        {
-            "stories": [{"mass": 2e5, "height": 3.0, "stiffness": 3e8 * (1.0 - 0.05 * i)} for i in range(10)],
-            "damping": {"modal": 0.05},
-            "analysis": {"method": "exact"},
-        }
-    )
-    names = ("firm-soil.mseed", "near-fault.mseed", "soft-soil.mseed")
-    records = [tdint.read_record(RECORDS / name, component="HN1") for name in names]
-    periods = np.unique([*np.geomspace(0.02, 3.0, 100), *(2.0 * math.pi / tdint.modes(frame).omega)])
-    psa = np.mean([tdint.spectrum(record, periods, damping=0.05).psa for record in records], axis=0)
-    result = tdint.modal_response(frame, table(tmp_path, periods, psa))
-    stories = [tdint.run(frame, record).stories for record in records]
-    assert result.drift_cqc == pytest.approx(np.mean([peaks.peak_drift for peaks in stories], axis=0), rel=0.15)
-    assert result.shear_cqc == pytest.approx(np.mean([peaks.peak_shear for peaks in stories], axis=0), rel=0.15)
-    moved = np.mean([peaks.peak_displacement for peaks in stories], axis=0)
-    assert result.displacement_cqc == pytest.approx(moved, rel=0.15)
 
 
 def test_modes_outside_the_target(tmp_path):

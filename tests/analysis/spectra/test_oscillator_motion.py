@@ -18,15 +18,6 @@ def noise(samples=500, dt=0.02):
     return Record(np.random.default_rng(3).standard_normal(samples), dt, "", "", "HN1", "noise.mseed")
 
 
-def test_a_step_of_the_ground():
-    """u = -(a / omega^2) (1 - cos omega t) without damping."""
-    record = Record(np.full(400, 2.0), 0.01, "", "", "", "")
-    found = oscillator_motion(record, 0.5, 0.0)
-    omega = 4.0 * math.pi
-    assert found.displacement == pytest.approx(-2.0 / omega**2 * (1.0 - np.cos(omega * found.time)), abs=1e-13)
-    assert found.velocity == pytest.approx(-2.0 / omega * np.sin(omega * found.time), abs=1e-12)
-
-
 @pytest.mark.parametrize("period", [0.05, 0.7, 8.0])
 def test_against_scipy_and_the_spectrum(period):
     record, damping, omega = noise(), 0.05, 2.0 * math.pi / period

@@ -69,10 +69,10 @@ class HardProblem:
         What `error` is.
     error : callable
         History -> error.
-    by_energy : bool
-        Whether the energy over its scale is judged; else the error is.
     faults : tuple of Fault
         What the judged number is held against.
+    by_energy : bool
+        Whether the energy over its scale is judged; else the error is.
     """
 
     name: str
@@ -84,8 +84,8 @@ class HardProblem:
     energy_scale: float
     error_of: str
     error: Callable[[History], float]
-    by_energy: bool
     faults: tuple[Fault, ...]
+    by_energy: bool = False
 
 
 def _keeps(part: float) -> tuple[Fault, Fault]:
@@ -137,8 +137,8 @@ def _hardening() -> HardProblem:
         energy_scale=0.5 * _SPRING * _STRETCH**2 + 0.25 * _CUBIC * _STRETCH**4,
         error_of="largest displacement error over the amplitude",
         error=error,
-        by_energy=True,
         faults=_keeps(0.02),
+        by_energy=True,
     )
 
 
@@ -182,8 +182,8 @@ def _softening() -> HardProblem:
         energy_scale=float(_STRENGTH * _log_cosh(np.array(_PULL))),
         error_of="largest displacement error over the amplitude",
         error=error,
-        by_energy=True,
         faults=_keeps(0.01),
+        by_energy=True,
     )
 
 
@@ -231,7 +231,6 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
         energy_scale=float(np.max(0.5 * (driven**2 + natural**2 + drift**2))),
         error_of="largest acceleration error of floor 1 in the second half, m/s^2",
         error=acceleration_error,
-        by_energy=False,
         faults=(Fault("rings", high=1.0),),
     )
     soft = replace(
@@ -275,7 +274,6 @@ def _stiff_pair() -> HardProblem:
         energy_scale=0.5 * _SWING + 0.5 * _SWING**2 / _JOINT,
         error_of="largest error in the second half of the upper story's force for the displacement, over its amplitude",
         error=error,
-        by_energy=False,
         faults=(Fault("rings", high=0.1),),
     )
 
@@ -314,7 +312,6 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
         energy_scale=0.5,
         error_of="growth of the amplitude from the first half of the steps to the second, over the former",
         error=growth,
-        by_energy=False,
         faults=(Fault("grows", high=0.01),),
     )
 
@@ -330,7 +327,6 @@ def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
         energy_scale=0.5,
         error_of="amplitude beyond the exact one, over the exact one",
         error=lambda history: max(0.0, float(np.max(_sizes(history))) - 1.0),
-        by_energy=False,
         faults=(Fault("overshoots", high=0.01),),
     )
 

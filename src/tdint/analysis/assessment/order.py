@@ -385,14 +385,13 @@ def check_law(model: Model, story: int) -> list[str]:
     story : int
         Counted from 1. It goes through cycles to 0.5, 1 and 2 % of its height; without one, 5, 10 and 20 mm.
     """
-    law = model.stories[story - 1].law
+    name = model.stories[story - 1].law.name
     try:
         faults = _branch_faults(model, story)
     except AnalysisError as error:  # compiled code would do the same in silence
         return [str(error)]
     high = model.stories[story - 1].height is not None
     path = cyclic_test(model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000).path
-    name = law.name
     # The work done is stored or dissipated.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
     done = np.append(0.0, np.cumsum(mean * step))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
-from tdint.arrays import Array
+from tdint.arrays import Array, halved
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -128,28 +128,23 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 
 
 @cache
-def critical_step(method: Integrator, damping: float = 0.0, largest: float = LARGEST) -> float:
+def critical_step(method: Integrator, damping: float = 0.0) -> float:
     """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if there is none.
 
-    Searched at 4000 points up to `largest`, and just above the limit that the method declares: an unstable band
+    Searched at 4000 points up to `LARGEST`, and just above the limit that the method declares: an unstable band
     elsewhere that is narrower than half a percent of omega dt can be missed.
     """
-    grid = np.geomspace(1e-3, largest, 4000)
+    grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
-    if 0.0 < declared < largest:
+    if 0.0 < declared < LARGEST:
         grid = np.sort(np.concatenate([grid, declared * (1.0 + np.geomspace(1e-6, 1e-2, 40))]))
     unstable = np.flatnonzero(_grows(method, grid, damping))
     if not unstable.size:
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
-    # Halved to rounding.
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if _grows(method, np.array([middle]), damping)[0]:
-            high = middle
-        else:
-            low = middle
+    # 50 halvings are beyond rounding, for neighbors differ by half a percent.
+    low, _ = halved(lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50)
     return float(low)
 
 

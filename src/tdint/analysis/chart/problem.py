@@ -140,18 +140,21 @@ class Problem:
                 raise
             raise UsageError(str(error).replace("record's sampling interval", "model's own step")) from None
 
+    def case(self, integrator: Integrator) -> Case:
+        """What `tdint run` integrates with a method."""
+        return Case(self.model, self.prepared, self.record, integrator)
+
     def outcome(self, integrator: Integrator, steps: Steps) -> str:
         """How `tdint run` ends with this method and these steps: its status."""
         try:
-            return Case(self.model, self.prepared, self.record, integrator).march(steps).status
+            return self.case(integrator).march(steps).status
         except FailedRun as failure:
             return failure.status
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
         """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""
-        case = Case(self.model, self.prepared, self.record, integrator)
         dt = None if self.record else self.interval
-        return run_case(case, dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
+        return run_case(self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
 
     def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
         """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
@@ -264,7 +267,21 @@ _KEPT = 200_000_000  # bytes of references in the cache
 
 
 @dataclass(frozen=True)
-class Errors:
+class RelativeErrors:
+    """Relative errors by their names: `Errors` of a motion, or of peaks alone `profiles.PeakErrors`."""
+
+    def of(self, quantity: str) -> float:
+        """One of the errors by its name, with a hyphen or an underscore in it."""
+        return float(getattr(self, quantity.replace("-", "_")))
+
+    @property
+    def worst(self) -> float:
+        """The largest of all."""
+        return float(max(astuple(self)))
+
+
+@dataclass(frozen=True)
+class Errors(RelativeErrors):
     """Relative errors of a motion.
 
     Attributes
@@ -282,15 +299,6 @@ class Errors:
     velocity: float
     acceleration: float
     peak_drift: float
-
-    def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it."""
-        return float(getattr(self, quantity.replace("-", "_")))
-
-    @property
-    def worst(self) -> float:
-        """The largest of all."""
-        return float(max(astuple(self)))
 
 
 QUANTITIES = tuple(field.name for field in fields(Errors))
@@ -339,17 +347,6 @@ class Reference:
     motion: FloorMotion
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """Which methods compute and confirm (the latter `extrapolated` from two steps, as a method of order 2), and the gap
-    between them that is small enough."""
-
-    method: str
-    other: str
-    extrapolated: bool
-    goal: float
-
-
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
     """The reference for a problem over some samples, from the cache if it is there.
 
@@ -375,20 +372,20 @@ def _solve(problem: Problem, samples: int) -> Reference:
     # Which methods; kinks of the force keep two solutions further apart.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
-        plan = _Plan("exact", "impulse4", extrapolated=False, goal=_EXACT_GOAL)
+        method, other, goal = "exact", "impulse4", _EXACT_GOAL
     else:
+        method, other = "impulse4", "newmark-average"
         goal = _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
-        plan = _Plan("impulse4", "newmark-average", extrapolated=True, goal=goal)
-    problem.prepared.compile(parse(method) for method in (plan.method, plan.other))
+    problem.prepared.compile(map(parse, (method, other)))
     # The first step is as small as half a second allows, so that few buildings need a second one.
     parts = 8
     while parts < 64 and 2 * parts * samples * building.stories * _STORY_STEP < _FIRST_COST:
         parts *= 2
     begin = time.monotonic()
-    best = _solve_once(problem, samples, plan, parts)
-    while best.gap.worst > plan.goal and 3.0 * (time.monotonic() - begin) < _SECONDS:
+    best = _solve_once(problem, samples, method, other, parts)
+    while best.gap.worst > goal and 3.0 * (time.monotonic() - begin) < _SECONDS:
         parts *= 2
-        finer = _solve_once(problem, samples, plan, parts)
+        finer = _solve_once(problem, samples, method, other, parts)
         falls = finer.gap.worst < 0.5 * best.gap.worst
         best = min(best, finer, key=lambda reference: reference.gap.worst)
         if not falls:
@@ -396,20 +393,20 @@ def _solve(problem: Problem, samples: int) -> Reference:
     return best
 
 
-def _solve_once(problem: Problem, samples: int, plan: _Plan, parts: int) -> Reference:
-    motion = _motion(problem, samples, plan.method, parts)
+def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: int) -> Reference:
+    motion = _motion(problem, samples, method, parts)
     h = problem.interval / parts
-    if plan.extrapolated:
+    if other == "newmark-average":
         # The limit of two motions of a method of order 2 (Richardson).
-        coarse, fine = (_motion(problem, samples, plan.other, 4 * parts * m) for m in (1, 2))
+        coarse, fine = (_motion(problem, samples, other, 4 * parts * m) for m in (1, 2))
         names = [field.name for field in fields(FloorMotion)[1:]]
         limits = ((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names)
-        other = FloorMotion(fine.stride, *limits)
-        words = f"{plan.other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
+        confirming = FloorMotion(fine.stride, *limits)
+        words = f"{other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
     else:
-        other = _motion(problem, samples, plan.other, parts)
-        words = f"{plan.other} with dt {h:.4g} s"
-    return Reference(plan.method, h, words, errors(other, motion), motion)
+        confirming = _motion(problem, samples, other, parts)
+        words = f"{other} with dt {h:.4g} s"
+    return Reference(method, h, words, errors(confirming, motion), motion)
 
 
 def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:

@@ -14,7 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.analysis.chart.problem import Errors, Problem, Reference, ending_together, largest_relative, pose
+from tdint.analysis.chart.problem import (
+    Errors,
+    Problem,
+    Reference,
+    RelativeErrors,
+    ending_together,
+    largest_relative,
+    pose,
+)
 from tdint.analysis.chart.work_precision import (
     Peer,
     PerformanceProfile,
@@ -28,8 +36,7 @@ from tdint.analysis.chart.work_precision import (
     within,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, record_of
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
+from tdint.analysis.run.outcome import FailedRun, StoryPeaks
 from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
@@ -75,7 +82,7 @@ _REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
 @dataclass(frozen=True)
-class PeakErrors:
+class PeakErrors(RelativeErrors):
     """Largest relative errors of the peaks of all stories: drift, absolute acceleration, total shear. Stories whose
     peak is below a thousandth of the largest one are left out."""
 
@@ -86,11 +93,6 @@ class PeakErrors:
     def of(self, quantity: str) -> float:
         """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
         return float(getattr(self, quantity.replace("-", "_"), math.nan))
-
-    @property
-    def worst(self) -> float:
-        """The largest of all."""
-        return float(max(astuple(self)))
 
     @classmethod
     def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
@@ -276,10 +278,10 @@ def measure_problem(
 
     # The reference, and how far a second method is from it
     progress("reference", 0.1)
-    true = _march(posed, parse("impulse4"), posed.interval / _FINE)
+    true = posed.case(parse("impulse4")).march(posed.steps(posed.interval / _FINE))
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
-        other = _march(posed, parse("moment4"), posed.interval / parts)
+        other = posed.case(parse("moment4")).march(posed.steps(posed.interval / parts))
         apart = PeakErrors.between(other.stories, true.stories)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
@@ -296,7 +298,7 @@ def measure_problem(
         progress("times", 0.8 + 0.2 * turn / repeats)
         for pair, point in points.items():
             if point in contenders:
-                again = _march(posed, pair[0], pair[1])
+                again = posed.case(pair[0]).march(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.march_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
     others = _others(posed, dts) if peers else []
@@ -315,10 +317,6 @@ def measure_problem(
     )
 
 
-def _march(posed: Problem, integrator: Integrator, dt: float) -> Response:
-    return Case(posed.model, posed.prepared, posed.record, integrator).march(posed.steps(dt))
-
-
 def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks) -> list[Point]:
     """One method with all steps, until two in a row are far below all tolerances. Each has one time yet."""
     points: list[Point] = []
@@ -326,7 +324,7 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
         steps = posed.steps(dt)
         bare = Point(integrator.label, steps.h, steps.count, DONE, line=line_of(integrator))
         try:
-            response = _march(posed, integrator, dt)
+            response = posed.case(integrator).march(steps)
         except FailedRun as failure:
             points.append(replace(bare, outcome=failure.status))
             continue
@@ -488,10 +486,9 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
         named, listed = (section.need(name, advice) for name, advice in _NEEDS)
-        motions = named.section(named.names, "a mapping from names to ground motions") if named else None
-        for name in named.names if named and motions else ():
-            motion = motions.get(name) if motions else None
-            if (stated := record_within(motion) if motion else None) is not None:
+        motions = named.named("a mapping from names to ground motions") if named else None
+        for name, motion in (motions or {}).items():
+            if (stated := record_within(motion)) is not None:
                 sources[name] = stated
         for item in (listed.items("a list of problems", "is empty; give at least one") if listed else None) or ():
             entry = item.section(("name", "reason", "model", "scales"))

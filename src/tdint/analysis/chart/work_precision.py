@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tdint import system
 from tdint.analysis.chart.problem import (
     Problem,
     Reference,
+    RelativeErrors,
     ending_together,
     errors,
     errors_of_peaks,
@@ -25,7 +25,7 @@ from tdint.analysis.chart.problem import (
 )
 from tdint.analysis.given import AnyModel, AnyRecord, ratio_of, record_of
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
@@ -80,15 +80,6 @@ def silent(act: str, part: float) -> None:
     """Nobody is told of progress."""
 
 
-class Erring(Protocol):
-    """Errors by their names: `tdint.analysis.chart.problem.Errors`, or of peaks alone `profiles.PeakErrors`."""
-
-    @property
-    def worst(self) -> float: ...
-
-    def of(self, quantity: str) -> float: ...
-
-
 @dataclass(frozen=True)
 class Point:
     """One method with one step.
@@ -104,8 +95,9 @@ class Point:
         Steps, None where they were not counted; solves, None where the march did not reach its end.
     times, walls : tuple of float
         Times of the march alone, s, one per repeat: by `tdint.system.clock`, and on the wall.
-    errors : Errors or PeakErrors or None
-        Of one problem, or of one of many; None where the march has no result, or did not reach its end.
+    errors : RelativeErrors or None
+        `Errors` of one problem, `PeakErrors` of one of many; None where the march has no result, or did not reach its
+        end.
     outcome : str
         How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or `not-converged`.
     """
@@ -115,7 +107,7 @@ class Point:
     steps: int | None
     outcome: str
     iterations: int | None = None
-    errors: Erring | None = None
+    errors: RelativeErrors | None = None
     times: tuple[float, ...] = ()
     walls: tuple[float, ...] = field(default=(), kw_only=True)
     line: str = field(default="", kw_only=True)
@@ -268,18 +260,9 @@ def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrat
     UsageError
         None of them can.
     """
-    building = problem.building
-    able = [
-        integrator
-        for integrator in integrators
-        if (building.linear or not integrator.family.linear_only)
-        and (integrator.family.power_dampers or not building.power_damped)
-    ]
+    able = [integrator for integrator in integrators if not unsuited(integrator, problem.building)]
     if not able:
-        label = integrators[0].label
-        if not building.linear and integrators[0].family.linear_only:
-            raise UsageError(f"{label} integrates linear buildings only; this one has nonlinear stories")
-        raise UsageError(f"{label} takes no power-law dashpots; impulse4 and newmark-average do")
+        raise UsageError(unsuited(integrators[0], problem.building))
     return able
 
 
@@ -328,8 +311,7 @@ def measure(
     reference = find_reference(problem, reached(problem, (*choices, record_steps)), cached=cached)
     # The usual method at the record's step is measured in any case: other costs are told over its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
-    bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
-    points = bench.points(judge)
+    points = _timed(problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress)
     return Chart(
         stories=problem.building.stories,
         interval=problem.interval,
@@ -341,9 +323,7 @@ def measure(
     )
 
 
-def with_tolerances(
-    problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int = 5, progress: Progress = silent
-) -> Chart:
+def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int) -> Chart:
     """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and how far off it is.
 
     Timed is the whole of it: runs made again, the errors that it tells, and what Python does between them. A march
@@ -357,12 +337,11 @@ def with_tolerances(
         How often each run is timed.
     """
     falling = sorted(set(tolerances), reverse=True)
-    points: list[Point] = []
-    for method in CHOOSING:
-        integrator = parse(method)
-        for tolerance in falling:
-            progress(f"{method} within {tolerance:g}", len(points) / (len(CHOOSING) * len(falling)))
-            points.append(_within(problem, chart.reference, integrator, tolerance, repeats))
+    points = [
+        _within(problem, chart.reference, integrator, tolerance, repeats)
+        for integrator in map(parse, CHOOSING)
+        for tolerance in falling
+    ]
     return replace(chart, points=(*chart.points, *points))
 
 
@@ -436,59 +415,58 @@ def chart(
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
     with told_progress(progress, 100, "%") as told:
-        measured = measure(
-            problem, integrators, steps, repeats=repeats, cached=cached,
-            progress=lambda act, part: told(round(100.0 * part), 100),
-        )  # fmt: skip
+
+        def in_percent(act: str, part: float) -> None:
+            told(round(100.0 * part), 100)
+
+        measured = measure(problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent)
         return with_tolerances(problem, measured, limits, repeats=repeats)
 
 
 _Pair = tuple[Integrator, Steps]
 
 
-@dataclass
-class _Bench:
-    """Marches of one problem, with a count of how much of the work is done."""
+def _timed(
+    problem: Problem,
+    reference: Reference,
+    pairs: Sequence[_Pair],
+    repeats: int,
+    judge: Callable[[Sequence[Point]], object] | None,
+    progress: Progress,
+) -> dict[_Pair, Point]:
+    """Each pair of method and step measured, so often that the judge is sure."""
+    points: dict[_Pair, Point] = {}
+    done, total = 0, (repeats + 1) * sum(steps.count for _, steps in pairs)
 
-    problem: Problem
-    reference: Reference
-    progress: Progress
-    pairs: Sequence[_Pair]
-    repeats: int
-    done: int = 0
+    def advance(act: str, steps: Steps) -> None:
+        nonlocal done
+        progress(act, _PREPARED + (1.0 - _PREPARED) * done / total)
+        done += steps.count
 
-    def points(self, judge: Callable[[Sequence[Point]], object] | None = None) -> dict[_Pair, Point]:
-        """Each pair of method and step measured, so often that the judge is sure."""
-        points: dict[_Pair, Point] = {}
-        # Outcome and errors, without times; a building that runs away has no motion.
-        for integrator, steps in self.pairs:
-            self._advance("errors", steps)
-            outcome = self.problem.outcome(integrator, steps)
-            point = Point(integrator.label, steps.h, steps.count, outcome, line=line_of(integrator))
-            if outcome in (DONE, *FALLEN):
-                march = self.problem.march(integrator, steps, keep=True)
-                if march.motion is not None:
-                    off = errors(march.motion, self.reference.motion)
-                    point = replace(point, iterations=march.iterations, errors=off)
-            points[integrator, steps] = point
-        # One time of each by turns, so that other work on the machine falls on all alike.
-        verdict: object = None
-        for turn in range(1, (_MORE_REPEATS if judge else 1) * self.repeats + 1):
-            for pair, point in points.items():
-                if turn <= self.repeats:
-                    self._advance("times", pair[1])
-                if point.errors:
-                    march = self.problem.march(*pair)
-                    points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
-            before, verdict = verdict, judge(list(points.values())) if judge else None
-            if turn >= self.repeats and verdict == before:
-                break
-        return points
-
-    def _advance(self, act: str, steps: Steps) -> None:
-        total = (self.repeats + 1) * sum(planned.count for _, planned in self.pairs)
-        self.progress(act, _PREPARED + (1.0 - _PREPARED) * self.done / total)
-        self.done += steps.count
+    # Outcome and errors, without times; a building that runs away has no motion.
+    for integrator, steps in pairs:
+        advance("errors", steps)
+        outcome = problem.outcome(integrator, steps)
+        point = Point(integrator.label, steps.h, steps.count, outcome, line=line_of(integrator))
+        if outcome in (DONE, *FALLEN):
+            march = problem.march(integrator, steps, keep=True)
+            if march.motion is not None:
+                off = errors(march.motion, reference.motion)
+                point = replace(point, iterations=march.iterations, errors=off)
+        points[integrator, steps] = point
+    # One time of each by turns, so that other work on the machine falls on all alike.
+    verdict: object = None
+    for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
+        for pair, point in points.items():
+            if turn <= repeats:
+                advance("times", pair[1])
+            if point.errors:
+                march = problem.march(*pair)
+                points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
+        before, verdict = verdict, judge(list(points.values())) if judge else None
+        if turn >= repeats and verdict == before:
+            break
+    return points
 
 
 def line_of(integrator: Integrator) -> str:

@@ -21,15 +21,16 @@ from tdint.analysis.run.workspace import (
     Instability,
     Steps,
     Workspace,
-    check_suited,
     doubled_laws,
     find_instability,
     history_width,
     kernels,
     shifts,
+    unsuited,
     workspace,
 )
 from tdint.arrays import Array
+from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import EVERYTHING, Variant
@@ -524,7 +525,8 @@ class PreparedBuilding:
 
     def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
-        check_suited(integrator, self.building)
+        if reason := unsuited(integrator, self.building):
+            raise AnalysisError(reason)
         self.compile([integrator])
         return self.arrays(integrator, h, rows, collapse_drift)
 

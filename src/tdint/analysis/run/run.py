@@ -23,11 +23,8 @@ from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
-
-@lru_cache(maxsize=64)
-def integrator_of(method: str) -> Integrator:
-    """The method of a specification, read once for all buildings that share it."""
-    return parse(method)
+_parsed = lru_cache(maxsize=64)(parse)
+"""The method of a specification, read once for all buildings that share it."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Subject:
     @cached_property
     def integrator(self) -> Integrator:
         """The method."""
-        return integrator_of(self.method)
+        return _parsed(self.method)
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
         """The building under a ground motion times a factor, or at rest."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from tdint.analysis.given import AnyModel, AnyRecord, number_of, numbers_of, record_of
 from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import STORY, History, StoryErrors, StoryPeaks, StoryValues
 from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.run import Subject
@@ -215,7 +214,13 @@ def run_many(
         A method does not integrate a building; the memory does not hold the histories.
     """
     drawn = _drawn(vary or {}, product)
-    work = _RunsRequest.of(models, records, method=method, dt=dt, duration=duration, check=check, vary=drawn)
+    buildings = [model_of(model) for model in _several(models, "models")]
+    motions = tuple(map(record_of, _several(records, "records")))
+    if any(isinstance(record, JoinedRecord) for record in motions):
+        raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
+    subjects = tuple(Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings)
+    methods = tuple(subject.integrator.label for subject in subjects)
+    work = _RunsRequest(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, drawn)
     plan = _planned(work, scales, paired)
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
@@ -304,30 +309,6 @@ class _RunsRequest:
     check: bool
     vary: dict[str, Array]
 
-    @classmethod
-    def of(
-        cls,
-        models: Any,
-        records: Any,
-        *,
-        method: str | None,
-        dt: float | None,
-        duration: float | None,
-        check: bool,
-        vary: dict[str, Array],
-    ) -> _RunsRequest:
-        buildings = tuple(map(model_of, _several(models, "models")))
-        motions = tuple(map(record_of, _several(records, "records")))
-        if any(isinstance(record, JoinedRecord) for record in motions):
-            raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
-        subjects = tuple(Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings)
-        methods = tuple(subject.integrator.label for subject in subjects)
-        return cls(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, vary)
-
-    def case(self, run: _Run) -> Case:
-        """A run of the building as it is, as a single one."""
-        return self.subjects[run.model].case(self.records[run.record], run.scale)
-
     @cached_property
     def draws(self) -> int:
         """How many there are; 1 where nothing is varied."""
@@ -407,15 +388,10 @@ def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool) 
     for number, (model, draw, record, scale) in enumerate(places):
         analysis, motion = work.subjects[model].model.analysis, work.records[record]
         key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
-        factor = factors[scale] * of_draws[draw]
-        run = _Run(number, model, draw, record, factor, steps.get(key, _UNKNOWN))
-        if run.steps is _UNKNOWN:
-            steps[key] = work.case(run._replace(scale=1.0)).steps(work.dt, work.duration)
-        plan.append(run._replace(steps=steps[key]))
+        if key not in steps:
+            steps[key] = work.subjects[model].case(motion).steps(work.dt, work.duration)
+        plan.append(_Run(number, model, draw, record, factors[scale] * of_draws[draw], steps[key]))
     return plan
-
-
-_UNKNOWN = Steps(0.0, 0)
 
 
 def _kept(history: str | Sequence[str]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, halved
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
@@ -157,18 +157,13 @@ def shifts(integrator: Integrator, h: float) -> Array:
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
 
 
-def check_suited(integrator: Integrator, building: Building) -> None:
-    """Refuse a nonlinear building for a method of linear ones, and power-law dashpots for one that takes none.
-
-    Raises
-    ------
-    AnalysisError
-        The method does not integrate this building.
-    """
+def unsuited(integrator: Integrator, building: Building) -> str:
+    """Why a method does not integrate a building: nonlinear stories, power-law dashpots; empty if it does."""
     if integrator.family.linear_only and not building.linear:
-        raise AnalysisError(f"{integrator.label} integrates linear buildings only; this one has nonlinear stories")
+        return f"{integrator.label} integrates linear buildings only; this one has nonlinear stories"
     if building.power_damped and not integrator.family.power_dampers:
-        raise AnalysisError(f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do")
+        return f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do"
+    return ""
 
 
 # ---- Amplification matrices measured on the compiled steps, and the stability that follows from them
@@ -276,19 +271,18 @@ def find_instability(integrator: Integrator, omega: Array, damping: Array, h: fl
     return Instability(int(stiffest), h, lambda step: not unstable(step).any())
 
 
-def largest_stable(stable: Callable[[float], bool], h: float, parts: int = 200) -> float:
+def largest_stable(stable: Callable[[float], bool], h: float) -> float:
     """End of the first range of stable steps, searched upward in (0, h] and bisected, rounded down; 0 for none, s."""
     low, high = 0.0, h
-    for part in range(1, parts + 1):
-        candidate = h * part / parts
+    # By 200ths: of a method that is unstable in between and stable beyond, the first range is found.
+    for part in range(1, 201):
+        candidate = h * part / 200
         if not stable(candidate):
             high = candidate
             break
         low = candidate
     # 2^-40 of a 200th of h: beyond what a step is ever written with.
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
+    low, _ = halved(stable, low, high, 40)
     return low if low > 1e-9 * h else 0.0
 
 

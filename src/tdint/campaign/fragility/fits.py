@@ -361,8 +361,7 @@ class Fragility:
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
-        bounds = tuple(replace(fit, theta=factor * fit.theta, unit=unit) if fit else None for fit in self.bounds)
-        low, high = bounds
+        low, high = (replace(fit, theta=factor * fit.theta, unit=unit) if fit else None for fit in self.bounds)
         counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
         return replace(
             self,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -88,27 +87,28 @@ class RunMeasure:
             return math.nan
 
 
-def _of_record(value: Callable[[measures.Measures], float]) -> Callable[[Record, float], float]:
-    return lambda record, period: value(measures.measure(record))
+def _of_record(name: str) -> Callable[[Record, float], float]:
+    """What gives one of the measures of a motion by itself."""
+    return lambda record, period: float(getattr(measures.measure(record), name))
 
 
 _OF_MOTIONS = {
     "pga": RunMeasure("pga", "m/s^2", "peak ground acceleration", lambda record, period: record.pga),
-    "pgv": RunMeasure("pgv", "m/s", "peak ground velocity", _of_record(lambda one: one.pgv)),
-    "pgd": RunMeasure("pgd", "m", "peak ground displacement", _of_record(lambda one: one.pgd)),
-    "arias": RunMeasure("arias_intensity", "m/s", "Arias intensity", _of_record(lambda one: one.arias), 2.0),
-    "cav": RunMeasure("cav", "m/s", "cumulative absolute velocity", _of_record(lambda one: one.cav)),
+    "pgv": RunMeasure("pgv", "m/s", "peak ground velocity", _of_record("pgv")),
+    "pgd": RunMeasure("pgd", "m", "peak ground displacement", _of_record("pgd")),
+    "arias": RunMeasure("arias_intensity", "m/s", "Arias intensity", _of_record("arias"), 2.0),
+    "cav": RunMeasure("cav", "m/s", "cumulative absolute velocity", _of_record("cav")),
     "cav5": RunMeasure(
-        "cav5", "m/s", "the same of accelerations of 0.05 m/s^2 and more", _of_record(lambda one: one.cav5), None
+        "cav5",
+        "m/s",
+        "the same of accelerations of 0.05 m/s^2 and more",
+        _of_record("cav5"),
+        None,
     ),
-    "d5-75": RunMeasure(
-        "d5_75", "s", "time between 5 and 75 % of the Arias intensity", _of_record(lambda one: one.d5_75), 0.0
-    ),
-    "d5-95": RunMeasure(
-        "d5_95", "s", "time between 5 and 95 % of the Arias intensity", _of_record(lambda one: one.d5_95), 0.0
-    ),
+    "d5-75": RunMeasure("d5_75", "s", "time between 5 and 75 % of the Arias intensity", _of_record("d5_75"), 0.0),
+    "d5-95": RunMeasure("d5_95", "s", "time between 5 and 95 % of the Arias intensity", _of_record("d5_95"), 0.0),
 }
-_PLAIN = {name: replace(one, called=name) for name, one in _OF_MOTIONS.items()}
+_PLAIN = {name: replace(measure, called=name) for name, measure in _OF_MOTIONS.items()}
 _FORMS = (*_PLAIN, "sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
 
 
@@ -258,7 +258,7 @@ class RunIntensities:
         records = store.records()
         self._names = {number: keys[:2] for number, keys in records.items()}
         self._pairs = {number: number - 1 for number, (*_, direction) in records.items() if direction > 1}
-        settings = {name: json.loads(value) for name, value in store.settings().items()}
+        settings = store.parameters()
         # What the campaign has brought to levels of this measure has these.
         name, period = settings.get("measure"), settings.get("period")
         at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""

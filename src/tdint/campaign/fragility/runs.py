@@ -202,7 +202,7 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
 def level_values(store: Store) -> list[float]:
     """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none where motions have
     factors of their own, whose levels are their numbers from 1."""
-    settings = {name: json.loads(value) for name, value in store.settings().items()}
+    settings = store.parameters()
     return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
 
 
@@ -302,7 +302,7 @@ class _Group:
             rows = np.array(list(self._money.values()))
             value = float(rows[:, 0].sum())
             if value > 0.0:
-                money = Mean(*(value * value_of_type for value_of_type in _mean(rows)))
+                money = Mean(*(value * part for part in _mean(rows)))
         return TypeDamage(
             name,
             building,

@@ -130,17 +130,15 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     of_all = given if given and given.is_mapping else None
     losses = sections.read_losses(of_all, states)
     file = given.file() if given and not of_all else None
-    return (
-        None
-        if losses is None
-        else DamageWishes(
-            demand=demand,
-            states=states,
-            source=source if needed else thresholds.file() or source,
-            dispersion=HAZUS_DISPERSION if source == HAZUS and beta is None else beta,
-            losses=losses,
-            loss_file=file,
-        )
+    if losses is None:
+        return None
+    return DamageWishes(
+        demand=demand,
+        states=states,
+        source=source if needed else thresholds.file() or source,
+        dispersion=HAZUS_DISPERSION if source == HAZUS and beta is None else beta,
+        losses=losses,
+        loss_file=file,
     )
 
 

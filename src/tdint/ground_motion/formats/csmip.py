@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def text_header(lines: Lines) -> list[str]:
     return texts
 
 
-def read_pairs(lines: Lines, texts: list[str], **codes: Unpack[Codes]) -> Series:
+def read_pairs(lines: Lines, texts: list[str]) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
     At equal steps the samples are kept as they are. Where the times are off equal steps by more than their rounding, as
@@ -81,7 +81,7 @@ def read_pairs(lines: Lines, texts: list[str], **codes: Unpack[Codes]) -> Series
             f"is linear between the file's own times, sampled at {dt:.6g} s",
             stacklevel=2,
         )
-    return Series(samples, dt, required_units(units[1]) if units else "", **codes)
+    return Series(samples, dt, required_units(units[1]) if units else "")
 
 
 _TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
@@ -150,7 +150,7 @@ def read_csmip(lines: Lines) -> list[Series]:
         if year < 100:
             year += 1900 if year >= _ERA else 2000
         started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
-    return [replace(series, peak=peak, start=started)]
+    return [replace(series, **_codes(texts), peak=peak, start=started)]
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
@@ -159,18 +159,16 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
     equal = _EQUAL.match(line) if line is not None else None
     if line and (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
         lines.take()
-        return Series(
-            lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]), **_codes(texts)
-        )
+        return Series(lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]))
     # Older files have pairs of time and acceleration, later ones equal steps.
     if not (line and equal):
-        return read_pairs(lines, texts, **_codes(texts))
+        return read_pairs(lines, texts)
     lines.take()
     samples = lines.numbers(int(equal[1]), _width(line))
     rate = float(equal[2])
     if not rate > 0.0:
         raise RecordError(f"line {lines.number} gives a sampling rate of {rate:g}")
-    return Series(samples, 1.0 / rate, required_units(equal[3]), **_codes(texts))
+    return Series(samples, 1.0 / rate, required_units(equal[3]))
 
 
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
@@ -186,7 +184,7 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
             raise RecordError(f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}")
     block, samples = blocks["ACCEL"]
     others = [_peak_of(kind, *blocks[kind], texts) if kind in blocks else None for kind in ("VELOC", "DISPL")]
-    return Series(samples, float(block[3]), required_units(block[4]), pgv=others[0], pgd=others[1], **_codes(texts))
+    return Series(samples, float(block[3]), required_units(block[4]), pgv=others[0], pgd=others[1])
 
 
 def _peak_of(kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]) -> float | None:

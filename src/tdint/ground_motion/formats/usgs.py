@@ -11,6 +11,7 @@ and acceleration, 10F7.3, in seconds and g/10.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -144,7 +145,7 @@ def read_usc(lines: Lines) -> list[Series]:
     texts = text_header(lines)
     lines.numbers(REALS, REAL_WIDTH)
     station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
-    series = read_pairs(lines, texts, station=station, channel=component.upper())
+    series = replace(read_pairs(lines, texts), station=station, channel=component.upper())
     if lines.peek() is not None:
         raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
     return [series]

@@ -43,23 +43,34 @@ _OFFSET = 0.02  # of the peak: a mean beyond it is an offset, not the noise of a
 
 
 @dataclass(frozen=True)
-class Channel:
-    """The traces of a file that share one id, in file order."""
+class _Channel:
+    """The traces of a file, or of a file in an archive, that share one id, in file order."""
 
+    source: str
+    contents: Contents
     id: str
-    code: str
     traces: tuple[Any, ...]
 
+    @property
+    def code(self) -> str:
+        """The channel code, which is the name of the component."""
+        return str(self.traces[0].stats.channel)
 
-def group_channels(traces: Sequence[Any]) -> list[Channel]:
+    @property
+    def label(self) -> str:
+        """File and channel, for messages."""
+        return f"{self.source}: {self.id}" if self.id.strip(".") else self.source
+
+
+def _channels_of(source: str, contents: Contents) -> list[_Channel]:
     """Gather the traces of each channel, in the order in which the channels appear in the file."""
     groups: dict[str, list[Any]] = {}
-    for trace in traces:
+    for trace in contents.traces:
         groups.setdefault(trace.id, []).append(trace)
-    return [Channel(name, str(members[0].stats.channel), tuple(members)) for name, members in groups.items()]
+    return [_Channel(source, contents, name, tuple(members)) for name, members in groups.items()]
 
 
-def join(channel: Channel, label: str) -> Any:
+def _joined(channel: _Channel) -> Any:
     """Join a channel's traces, which a file may hold in pieces, to one without gaps.
 
     Returns
@@ -72,6 +83,7 @@ def join(channel: Channel, label: str) -> Any:
     RecordError
         A gap, an overlap, a change of the sampling interval, or samples that are missing or not finite.
     """
+    label = channel.label
     pieces = sorted((t for t in channel.traces if len(t.data)), key=lambda trace: trace.stats.starttime)
     if not pieces:
         raise RecordError(f"{label}: the channel has no samples")
@@ -109,16 +121,6 @@ def join(channel: Channel, label: str) -> Any:
         raise RecordError(f"{label}: one sample only; a record needs two at least")
     check_finite(whole.data, float(whole.stats.delta), label)
     return whole
-
-
-def check_equal_sampling(intervals: Sequence[tuple[str, float]], source: str) -> None:
-    """Raise RecordError unless all channels (id, interval in s) have the same sampling interval."""
-    for name, dt in intervals:
-        if not isclose(dt, intervals[0][1], rel_tol=1e-6):
-            raise RecordError(
-                f"{source}: {name} is sampled at {dt:g} s and {intervals[0][0]} at {intervals[0][1]:g} s; "
-                "choose one component"
-            )
 
 
 def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
@@ -277,15 +279,12 @@ def make_record(
             from obspy import Trace
         traces = [Trace(checked.acceleration.copy(), {"delta": checked.dt, "channel": component or ""})]
         component = None
-    components = [
-        _Component(label, Contents(str(traces[0].stats.get("_format", "")), [], (), ()), channel)
-        for channel in group_channels(traces)
-    ]
+    components = _channels_of(label, Contents(str(traces[0].stats.get("_format", "")), traces, (), ()))
     if component is not None:
         components = [_choose(components, component, label)]
     elif len(components) > 1:
         raise RecordError(f"{label}: there are several components, choose one: {_listed(components)}")
-    return _to_record(components[0], join(components[0].channel, components[0].label), said, None)
+    return _to_record(components[0], _joined(components[0]), said, None)
 
 
 def read_horizontals(
@@ -369,22 +368,22 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
 
 def _components(
     source: str | Path, component: str | None, layout: TextLayout, *, single: bool
-) -> tuple[list[tuple[_Component, Any]], Input]:
+) -> tuple[list[tuple[_Channel, Any]], Input]:
     """The components of a file, or the one of this name, each with its trace; and the file."""
     if not isinstance(source, str | Path):
         raise RecordError(f"a record is a file's name, got {source!r:.60}")
     name = str(source)
     data = read_bytes(source)
     parts = read_parts(data, name, layout)
-    components = [_Component(part, read, channel) for part, read in parts for channel in group_channels(read.traces)]
+    components = [channel for part, contents in parts for channel in _channels_of(part, contents)]
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
 
     # Velocities and displacements that tdint exported beside accelerations are taken by their full id only.
-    ids = {member.channel.id.upper() for member in components}
+    ids = {member.id.upper() for member in components}
     asked, accelerations = (component or "").strip().upper(), []
     for member in components:
-        if (id := member.channel.id.upper()) != asked:
+        if (id := member.id.upper()) != asked:
             network, station, location, code = id.split(".")
             is_integral = location in UNITS_BY_LOCATION and location != IN_SI
             if is_integral and f"{network}.{station}.{IN_SI}.{code}" in ids:
@@ -395,37 +394,27 @@ def _components(
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
-    traces = [join(member.channel, member.label) for member in components]
+    traces = [_joined(member) for member in components]
     # Components of one file go together; those of an archive's other files need not.
     for part, _ in parts:
-        of_part = (trace for member, trace in zip(components, traces, strict=True) if member.source == part)
-        check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
+        of_part = [trace for member, trace in zip(components, traces, strict=True) if member.source == part]
+        for trace in of_part:
+            dt, first_dt = float(trace.stats.delta), float(of_part[0].stats.delta)
+            if not isclose(dt, first_dt, rel_tol=1e-6):
+                sampled = f"{trace.id} is sampled at {dt:g} s and {of_part[0].id} at {first_dt:g} s"
+                raise RecordError(f"{part}: {sampled}; choose one component")
     return list(zip(components, traces, strict=True)), digested(data, source)
 
 
-@dataclass(frozen=True)
-class _Component:
-    """A channel of a file, or of a file in an archive."""
-
-    source: str
-    contents: Contents
-    channel: Channel
-
-    @property
-    def label(self) -> str:
-        """File and channel, for messages."""
-        return f"{self.source}: {self.channel.id}" if self.channel.id.strip(".") else self.source
-
-
-def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:
+def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
     """The channel with this code, else with this id, else of this station (a floor is one: F04), else the only one
     whose code ends in this letter."""
     name = component.strip().upper()
     ways = (
-        [candidate for candidate in channels if candidate.channel.code.upper() == name],
-        [candidate for candidate in channels if candidate.channel.id.upper() == name],
-        [candidate for candidate in channels if station_of(candidate.channel.id).upper() == name],
-        [candidate for candidate in channels if len(name) == 1 and candidate.channel.code.upper().endswith(name)],
+        [channel for channel in channels if channel.code.upper() == name],
+        [channel for channel in channels if channel.id.upper() == name],
+        [channel for channel in channels if station_of(channel.id).upper() == name],
+        [channel for channel in channels if len(name) == 1 and channel.code.upper().endswith(name)],
     )
     channels_of_name = next((matches for matches in ways if matches), [])
     if len(channels_of_name) == 1:
@@ -435,18 +424,17 @@ def _choose(channels: Sequence[_Component], component: str, source: str) -> _Com
     raise RecordError(f"{source}: there is no component {component!r}; there are {_listed(channels)}")
 
 
-def _listed(components: Sequence[_Component]) -> str:
-    """Names by which each of the components can be chosen."""
-    codes = [component.channel.code for component in components]
-    ids = [component.channel.id for component in components]
-    stations = [station_of(component) for component in ids]
+def _listed(channels: Sequence[_Channel]) -> str:
+    """Names by which each of the channels can be chosen."""
+    codes, ids = [channel.code for channel in channels], [channel.id for channel in channels]
+    stations = [station_of(id) for id in ids]
     ways = (codes, stations, ids)
     return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
 
 
-def _to_record(part: _Component, trace: Any, said: FileUnits, instruments: Instruments | None) -> Record:
-    channel, contents, label = part.channel, part.contents, part.label
-    units = said.of(part.source, contents.format)
+def _to_record(channel: _Channel, trace: Any, said: FileUnits, instruments: Instruments | None) -> Record:
+    contents, label = channel.contents, channel.label
+    units = said.of(channel.source, contents.format)
     counted = units is None or (are_counts(trace) and not units.has_factor)  # no unit is that of counts
     if instruments is None or not counted or declared_units(trace, contents.format, label, units):
         motion = to_acceleration(trace, contents.format, units, label)
@@ -470,7 +458,7 @@ def _to_record(part: _Component, trace: Any, said: FileUnits, instruments: Instr
         start=_start(trace),
         id=channel.id,
         component=channel.code,
-        source=part.source,
+        source=channel.source,
         notes=(*contents.notes, *motion.notes, *doubts(motion.samples)),
         warnings=motion.warnings,
         units=motion.units,

@@ -121,7 +121,7 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
         raise RecordError(f"{label}: the samples are counts of a recorder, not an acceleration{factor}; {_CURES}")
     notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
     if asked:
-        return _motion(_times(trace.data, asked.scale), asked, "given", notes)
+        return Motion(_times(trace.data, asked.scale), asked.text, "given", asked.quantity, tuple(notes))
     units, warning = assumed_units(trace, format_name, label)
     samples = _times(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
@@ -186,11 +186,7 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
         notes.append(f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}")
         units = replace(units, text=f"{declared.factor:.6g} {units.text}")
     scale = declared.factor * declared.units.scale
-    return _motion(_times(samples, scale), units, declared.origin, notes)
-
-
-def _motion(samples: NDArray[np.float64], units: Units, origin: str, notes: list[str]) -> Motion:
-    return Motion(samples, units.text, origin, units.quantity, tuple(notes))
+    return Motion(_times(samples, scale), units.text, declared.origin, units.quantity, tuple(notes))
 
 
 def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.written_numbers import first_few
 
 _MOST_NAMES = 10  # that a message names
 
@@ -79,7 +80,7 @@ def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sour
             keep_input(file)  # which other processes may read
         others = [name for name in others if name != "LICENSE"]  # of the records, which goes with them
         if others:
-            notes.append(f"{argument}: not taken for records: {_listed(others)}")
+            notes.append(f"{argument}: not taken for records: {first_few(others, _MOST_NAMES)}")
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
@@ -105,13 +106,9 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
         else:
             others.append(name)
     if not records:
-        raise RecordError(f"{folder}: there is no record in this folder; it holds {_listed(others) or 'nothing'}")
+        listed = first_few(others, _MOST_NAMES) or "nothing"
+        raise RecordError(f"{folder}: there is no record in this folder; it holds {listed}")
     return records, others
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 GroundMotion = Record | Horizontals

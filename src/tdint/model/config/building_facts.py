@@ -13,14 +13,10 @@ from tdint.model.keys.fields import POSITIVE, RATIO, Choice, Flag, Key, Keys, Se
 from tdint.model.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding
 
 _DAMPING = ("full", "mass-only")
-_RULES = Choice(tuple(one for one in RULES if one != CAPACITY), "set of rules")
+_RULES = Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
 BUILDING = Keys(
     (
-        Key(
-            "rules",
-            _RULES,
-            "the rules that derive the stories",
-        ),
+        Key("rules", _RULES, "the rules that derive the stories"),
         Key("capacity", Words(), "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules"),
         Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),

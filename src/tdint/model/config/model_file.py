@@ -64,6 +64,7 @@ from tdint.model.keys.fields import (
     Value,
     Whole,
     Words,
+    numbered,
 )
 from tdint.model.keys.nodes import Faults, composed, decode
 from tdint.units import SI, parse_output_units
@@ -82,13 +83,12 @@ PROCESSING = (
     Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
-PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
 
 
 def read_processing(section: Section) -> Processing:
     """The processing that the entries of a section ask for; none of it if one of them is faulty."""
     parsers: dict[str, Callable[[str], object]] = {"trim": parse_trim, "pad": parse_pad}
-    there = {name: value for name in PROCESSING_KEYS if (value := section.get(name))}
+    there = {key.name: value for key in PROCESSING if (value := section.get(key.name))}
     values = {name: value.parsed(parsers[name]) if name in parsers else value.read() for name, value in there.items()}
     if None in values.values():
         return Processing()
@@ -162,12 +162,13 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        _read_record(record) if record else None,
+        record_within(record) if record else None,
         tuple(_read_force(item, unit, count) for item in items or ()),
     )
 
 
-def _read_record(value: Value) -> RecordSource | None:
+def record_within(value: Value) -> RecordSource | None:
+    """A ground motion, as `excitation: record` of a model or another file says it; None after a fault."""
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
         return RecordSource(file) if file else None
@@ -195,10 +196,10 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     if phase and phase.is_word("sin"):
         cosine, sine = 0.0, 1.0
     elif phase and not phase.is_word("cos"):
-        angle = phase.number(what="cos, sin or an angle in radians")
+        angle = phase.number(expected="cos, sin or an angle in radians")
         cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
-        floor=(floor.counted(count) if floor else None) or 0,
+        floor=(floor.whole(numbered(count)) if floor else None) or 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),
@@ -299,8 +300,7 @@ def load_judged(
         from, and raises UsageError if it is wrong, which becomes a fault at its place.
     """
     origin, root = read_document(source)
-    section = root.section(_MODEL)
-    model = _read_model(section, origin) if section else None
+    model = model_within(root, origin)
     # Words such as a method mean nothing here: who knows them judges, at their place.
     for path, judge in judges.items():
         value: Value | None = root
@@ -319,14 +319,9 @@ def load_judged(
 
 
 def model_within(value: Value, origin: SourceText) -> Model | None:
-    """The model that a mapping in another file says, with that file's `origin`; its faults are noted there."""
+    """The model that a mapping says, all of a file or a part of another one, with its `origin`; None after a fault."""
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
-
-
-def record_within(value: Value) -> RecordSource | None:
-    """A ground motion, as `excitation: record` of a model says it, in another file; its faults are noted there."""
-    return _read_record(value)
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:

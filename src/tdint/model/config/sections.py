@@ -12,7 +12,7 @@ from tdint import units
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
 from tdint.model.damage_states import DEMANDS, DamageStates
-from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE_RATIO,
@@ -27,8 +27,8 @@ from tdint.model.keys.fields import (
     Section,
     Value,
     ValueKind,
-    Whole,
     Words,
+    numbered,
 )
 from tdint.units import parse_units
 
@@ -144,8 +144,7 @@ _LAST_MODE = 3
 
 def _declared(count: int | None) -> Either:
     """What may stand under `damping` of a building with so many stories."""
-    mode = Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
-    # Bounds and messages name the number of stories, where that is known.
+    mode = numbered(count)
     two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
     modes = EntriesOf(mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes")
     rayleigh = Keys(
@@ -310,14 +309,8 @@ def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
     """The entries by the names of states; None after a fault."""
-    section = value.section(value.names, expected)
-    if section is None:
-        return None
-    if not value.names:
-        value.fault(f"is empty; give {expected}")
-        return None
-    entries = {name: entry for name in value.names if (entry := section.get(name))}
-    for name, entry in entries.items():
+    entries = value.named(expected, f"is empty; give {expected}")
+    for name, entry in (entries or {}).items():
         if not is_state(name):
             entry.fault("the name of a state is a word of letters, digits, _ and -")
             return None

@@ -223,15 +223,6 @@ def _bounds(parameter: LawParameter) -> Bounds:
     return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
 
 
-def check_together(value: Value | None, law: Law, stiffness: float) -> None:
-    """Note what is wrong with a law's parameters and the initial stiffness (N/m) together."""
-    if value is None or math.isnan(stiffness) or any(math.isnan(parameter) for parameter in law.parameters):
-        return
-    fault = LAWS[law.name].fault(stiffness, law.parameters) if law.parameters else None
-    if fault:
-        value.fault(fault)
-
-
 _DAMPED = "rayleigh"
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _DASHPOT = Keys(
@@ -285,7 +276,8 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    law, stiffness_of_law = read_law(section.get("law"), unit)
+    stated_law = section.get("law")
+    law, stiffness_of_law = read_law(stated_law, unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
     mass, story_height = _read_mass(section, unit), height.number(scale=unit.length) if height else None
@@ -314,7 +306,10 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         story = replace(story, isolator=True)
     elif isolator and isolator.boolean():
         story = replace(story, isolator=True, rayleigh=False)
-    check_together(section.get("law"), law, story.stiffness)
+    # What is wrong with parameters and stiffness together, where each of them is right.
+    is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
+    if stated_law and law.parameters and is_known and (fault := LAWS[law.name].fault(stiffness, law.parameters)):
+        stated_law.fault(fault)
     return story, section.read("repeat", 1)
 
 

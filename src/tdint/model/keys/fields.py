@@ -91,6 +91,11 @@ class Whole:
         return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
 
+def numbered(count: int | None) -> Whole:
+    """The number of a floor or mode of a model with `count` stories, None where a fault leaves that open."""
+    return Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
+
+
 @dataclass(frozen=True)
 class Flag:
     """True or false."""
@@ -284,15 +289,15 @@ class Value:
         """Whether the value is the word, quoted or not."""
         return isinstance(self.node, ScalarNode) and self.node.text == word
 
-    def number(self, bounds: Bounds | None = None, scale: float = 1.0, what: str = "") -> float:
+    def number(self, bounds: Bounds | None = None, scale: float = 1.0, expected: str = "") -> float:
         """The number times `scale`, its factor to SI; nan if there is a fault.
 
-        `bounds` hold for the number in the file; `what` says what it must be where they do not.
+        `bounds` hold for the number in the file; `expected` says what it must be where they do not.
         """
         bounds = bounds or (self.kind if isinstance(self.kind, Bounds) else ANY)
         number = self._bare_number(bounds)
         if not bounds.allow(number):
-            self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
+            self.fault(f"must be {expected or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
         # Zero is zero in any unit; other sizes must be such as buildings have.
         converted = number * scale if number else 0.0
@@ -302,22 +307,14 @@ class Value:
             return math.nan
         return converted
 
-    def whole(self, low: int = 0, high: int = -1, quantity: str = "") -> int | None:
-        """The whole number from `low` to `high`; None if there is a fault. `quantity`: what the bounds stand for."""
-        # Without bounds here those that the key declares.
-        if high < low:
-            assert isinstance(self.kind, Whole)
-            low, high = self.kind.low, self.kind.high
-        text = self._plain_text()
+    def whole(self, bounds: Whole) -> int | None:
+        """The whole number within bounds; None if there is a fault."""
+        text, low, high = self._plain_text(), bounds.low, bounds.high
         if _WHOLE.fullmatch(text) and low <= int(text) <= high:
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
-        self.fault(f"must be {limits}{quantity}, got {self._shown_unquoted(_NUMBER)}")
+        self.fault(f"must be {limits}{bounds.what}, got {self._shown_unquoted(_NUMBER)}")
         return None
-
-    def counted(self, count: int | None) -> int | None:
-        """The number of a floor or mode of a model with `count` stories, None where a fault leaves that open."""
-        return self.whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
     def boolean(self) -> bool:
         """True or false; false if there is a fault."""
@@ -349,7 +346,7 @@ class Value:
                 number = self.number()
                 return None if math.isnan(number) else number
             case Whole():
-                return self.whole(quantity=self.kind.what)
+                return self.whole(self.kind)
             case Either():
                 return self._alternative(self.kind)
             case EntriesOf():
@@ -374,7 +371,7 @@ class Value:
         for kind in either.kinds:
             if isinstance(kind, shape) and not (isinstance(kind, Choice) and self.word not in kind.names):
                 if isinstance(kind, Bounds):
-                    number = self.number(kind, what=either.what)
+                    number = self.number(kind, expected=either.what)
                     return None if math.isnan(number) else number
                 return replace(self, kind=kind).read()
         self.fault(f"must be {either.what}, got {self._shown()}")
@@ -401,14 +398,12 @@ class Value:
         return values
 
     def _by_name(self, kind: ByName) -> Any:
-        section = self.section(Keys(tuple(Key(name, kind.kind) for name in dict.fromkeys(self.names))), kind.what)
-        if section is None:
+        entries = self.named(kind.what, kind.none)
+        if entries is None:
             return None
-        if not self.names:
-            self.fault(kind.none)
-            return None
-        entries = {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
-        return kind.make(self, {name: (entry, entry.read()) for name, entry in entries.items()})
+        return kind.make(
+            self, {name: (entry, replace(entry, kind=kind.kind).read()) for name, entry in entries.items()}
+        )
 
     def _made(self, kind: Keys) -> Any:
         """What the mapping's own `make` gives of its entries; by one of its ways, where it has several."""
@@ -465,14 +460,14 @@ class Value:
         entries = enumerate(self.node.items, start=1)
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
-    def section(self, keys: Collection[str] | None = None, what: str = "") -> Section | None:
-        """The entries of a mapping, by default those that its key declares; None if there is a fault. `what` says what
-        the value must be if not just that."""
+    def section(self, keys: Collection[str] | None = None, expected: str = "") -> Section | None:
+        """The entries of a mapping, by default those that its key declares; None if there is a fault. `expected` says
+        what the value must be if not just that."""
         if keys is None:
             assert isinstance(self.kind, Keys)
             keys = self.kind
         if not isinstance(self.node, MappingNode):
-            self.fault(f"must be {what or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}")
+            self.fault(f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}")
             return None
         return Section(self, self.node, keys)
 
@@ -488,6 +483,17 @@ class Value:
         """The keys of a mapping, as far as they are texts."""
         entries = self.node.entries if isinstance(self.node, MappingNode) else ()
         return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
+
+    def named(self, expected: str, empty: str = "") -> dict[str, Value] | None:
+        """The entries of a mapping with names of its own choice; None if there is a fault. `expected`: what the mapping
+        must be, and `empty`, if it must have entries, what is wrong without."""
+        section = self.section(self.names, expected)
+        if section is None:
+            return None
+        if empty and not self.names:
+            self.fault(empty)
+            return None
+        return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
     def _bare_number(self, bounds: Bounds) -> float:
         """The number as it stands in the file, of a ratio also as a percentage; nan if it is none."""

@@ -98,7 +98,13 @@ def parse(text: str, faults: Faults) -> Node:
         message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
         faults.add(Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
-        faults.add(_error_place(error), "", _error_message(error, text))
+        # PyYAML's several lines as one, and what to do about a tab.
+        mark, problem = error.problem_mark or error.context_mark, error.problem_mark
+        parts = [str(part) for part in (error.context, error.problem) if part]
+        message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
+        if problem is not None and text[problem.index : problem.index + 1] == "\t":
+            message += "; indent with spaces, not tabs"
+        faults.add(Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1), "", message)
     raise faults.error()
 
 
@@ -161,7 +167,11 @@ class _Composer:
 
     def _node(self, event: yaml.Event, depth: int) -> Node:
         if isinstance(event, yaml.AliasEvent):
-            return self._aliased(event)
+            if event.anchor not in self._anchors:
+                raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
+            if (shared := self._anchors[event.anchor]) is None:
+                raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
+            return shared
         if depth > MAX_DEPTH:
             raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
@@ -189,14 +199,6 @@ class _Composer:
         while not isinstance(event := self._next(), end):
             yield self._node(event, depth + 1)
 
-    def _aliased(self, event: yaml.AliasEvent) -> Node:
-        if event.anchor not in self._anchors:
-            raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
-        node = self._anchors[event.anchor]
-        if node is None:
-            raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
-        return node
-
 
 def _short(text: str) -> str:
     """Text from the file for a message: one line, not long."""
@@ -211,20 +213,6 @@ def _line_and_column(text: str) -> tuple[int, int]:
 def _event_place(event: yaml.Event) -> Place:
     assert event.start_mark is not None
     return Place(event.start_mark.line + 1, event.start_mark.column + 1)
-
-
-def _error_place(error: yaml.MarkedYAMLError) -> Place:
-    mark = error.problem_mark or error.context_mark
-    return Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
-
-
-def _error_message(error: yaml.MarkedYAMLError, text: str) -> str:
-    """PyYAML's several lines as one, and what to do about a tab."""
-    parts = [str(part) for part in (error.context, error.problem) if part]
-    message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
-    mark = error.problem_mark
-    at_tab = mark is not None and text[mark.index : mark.index + 1] == "\t"
-    return message + ("; indent with spaces, not tabs" if at_tab else "")
 
 
 _NOWHERE = Place(0, 0)

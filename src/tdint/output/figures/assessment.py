@@ -1,4 +1,5 @@
-"""Figures of the laboratory, readable in black and white: stability, overshoot, order."""
+"""Figures of methods, readable in black and white: stability, overshoot, order, the problems on which they fail, and
+what they cost for their errors."""
 
 from __future__ import annotations
 
@@ -19,6 +20,7 @@ from tdint.output.figures.style import (
     COLORS,
     LIGHT,
     MARKERS,
+    NARROW,
     add_legend,
     add_title,
     is_narrow,
@@ -39,7 +41,6 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
     from tdint.analysis.chart.work_precision import Chart, Point
 
-_NARROW = 31  # labels that fit into three columns
 _ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
 _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
@@ -77,16 +78,15 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
             growth = curve.spectral_radius - 1.0
             _plot(zoom, 2.0 * math.pi * x, np.where(growth > _ROUNDING, growth, math.nan), style)
     _frame_radius(radius, curves)
-    _frame_accuracy(period, "period error (%)", -20.0, 60.0)
-    _frame_accuracy(damping, "numerical damping ratio (%)", -2.0, 20.0)
-    _frame_accuracy(decay, "amplitude lost per cycle (%)", -10.0, 100.0)
+    for axes, quantity in ((period, "period_error"), (damping, "numerical_damping"), (decay, "amplitude_decay")):
+        _frame_accuracy(axes, quantity)
     # Around sqrt(12), the stability limit of linear acceleration.
     if zoom is not None:
         zoom.set(yscale="log", ylim=(1e-4, 1.0))
         zoom.set_xlim(*_BAND)
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
-    add_legend(figure, radius, lines, _curve_labels(curves), _NARROW)
+    add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
     # A single line has its name in the title, as no legend says it.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
@@ -123,7 +123,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_ylim(-reach, reach)
     for axes in panels[-1]:
         axes.set_xlabel("step")
-    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], _NARROW)
+    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], NARROW)
     first = motions[0]
     spring = "" if first.law == "linear" else f", {first.law} spring"
     title = (
@@ -223,11 +223,9 @@ def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str
             lines += _plot(axes, curve.dt_over_t[near], 100.0 * values[near], style)
     if quantity == "spectral_radius":
         _frame_radius(axes, curves)
-    elif quantity == "period_error":
-        _frame_accuracy(axes, "period error (%)", -20.0, 60.0)
     else:
-        _frame_accuracy(axes, "numerical damping ratio (%)", -2.0, 20.0)
-    add_legend(figure, axes, lines, _curve_labels(curves), _NARROW)
+        _frame_accuracy(axes, quantity)
+    add_legend(figure, axes, lines, _curve_labels(curves), NARROW)
     add_title(figure, title)
     return figure
 
@@ -253,8 +251,17 @@ def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), xlabel="dt / T", ylabel="spectral radius")
 
 
-def _frame_accuracy(axes: Any, name: str, low: float, high: float) -> None:
-    """Limits within `low` and `high`, and not so narrow that rounding is seen."""
+_ACCURACIES = {
+    "period_error": ("period error (%)", -20.0, 60.0),
+    "numerical_damping": ("numerical damping ratio (%)", -2.0, 20.0),
+    "amplitude_decay": ("amplitude lost per cycle (%)", -10.0, 100.0),
+}
+"""Of each quantity its label, and what its axis shows at most: beyond, methods are of no use."""
+
+
+def _frame_accuracy(axes: Any, quantity: str) -> None:
+    """Limits within those of the quantity, and not so narrow that rounding is seen."""
+    name, low, high = _ACCURACIES[quantity]
     bottom, top = axes.get_ylim()
     axes.set(ylim=(min(max(bottom, low), -0.05), max(min(top, high), 1.0)), xlim=(0.0, _ACCURACY_RANGE))
     axes.set(xlabel="dt / T", ylabel=name)
@@ -281,7 +288,7 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
-    add_legend(figure, upper, lines, [short[method] for method in methods], _NARROW)
+    add_legend(figure, upper, lines, [short[method] for method in methods], NARROW)
     return figure
 
 
@@ -417,7 +424,6 @@ def _words(trial: Trial) -> str:
 # ---- Figures of work against precision: time over error, error over step, cost over size; readable in black and
 # white
 
-_NARROW_CHART = 31  # labels that fit into three columns
 _FRONT = "0.85"
 _SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
 _LARGEST_ERROR = 10.0  # what is further off is cut
@@ -480,7 +486,7 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     ends = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
     cost.plot(ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
     cost.set_ylim(limits)
-    add_legend(figure, cost, handles, lines, _NARROW_CHART)
+    add_legend(figure, cost, handles, lines, NARROW)
     add_title(
         figure,
         f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
@@ -578,7 +584,7 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     if drawing.versus == "time" and chart.peers:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
-    add_legend(figure, axes, handles, list(drawing.lines), _NARROW_CHART)
+    add_legend(figure, axes, handles, list(drawing.lines), NARROW)
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
     shown = drawing.shown()
@@ -640,6 +646,6 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
     axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
-    add_legend(figure, axes, handles, labels, _NARROW_CHART)
+    add_legend(figure, axes, handles, labels, NARROW)
     add_title(figure, _title(drawing, name, "error over the time step"))
     return figure

@@ -51,9 +51,9 @@ FRACTILES = (16, 84)
 BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 """What a legend calls their lines."""
 
+_FEW = 3  # motions: fewer have no fractiles
 _PERIODS = (0.05, 5.0, 120)
 _SHORTEST = 0.06  # sampling intervals; below there is nothing in a record
-_FEW_RUNS = 3  # motions: fewer have no fractiles
 _PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50", "rotd100": "RotD100"}
 
 
@@ -163,7 +163,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.plot([], [], label=how_many(len(spectra), quantity), **look)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
-    if len(spectra) >= _FEW_RUNS:
+    if len(spectra) >= _FEW:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
     _draw_aim(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
@@ -207,7 +207,6 @@ def _aimed(scaling: Scaling) -> tuple[float, ...]:
 
 _PARTS = (0.16, 0.5, 0.84)
 _DRIFTS = 240  # points of a curve: smooth at 180 mm
-_FEW = 3  # records: fewer have no fractiles
 _ROOM = 1.1  # the axis of intensity ends so far above the largest capacity
 _BEYOND = 1.04  # of drift: where flat lines end
 

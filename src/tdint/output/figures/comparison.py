@@ -1,5 +1,5 @@
-"""Figures of comparisons: each floor's motion as recorded and as computed, with the spectra of both; methods over many
-problems."""
+"""Figures of a building beside its recordings, of one at rest (modes, cyclic tests, pushovers), of records, and of
+methods over many problems."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MARKERS,
+    NARROW,
     add_legend,
     add_ratio_axis,
     add_title,
@@ -489,7 +490,6 @@ _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
 """Widths of the lines that readers look for: ours, and what most programs do."""
 
 _PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in one column of a page
-_IN_THREE = 31  # labels that fit into three columns
 
 
 def profile_picture(chart: FieldChart, *, target: str) -> Figure:
@@ -511,7 +511,7 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda profile_of_method: _BOLD.get(profile_of_method.method, 0.0)):
+        for profile in sorted(shown, key=lambda profile: _BOLD.get(profile.method, 0.0)):
             # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems
@@ -531,7 +531,7 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("time over the least of all methods")
     order = [line for line in chart.lines if line in handles]
-    add_legend(figure, panels[0, 0], [handles[line] for line in order], order, _IN_THREE)
+    add_legend(figure, panels[0, 0], [handles[line] for line in order], order, NARROW)
     # The legend, which one method does not have, says below what was compared, and on what machine.
     timing = chart.timing
     programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]

@@ -12,13 +12,12 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.output.figures.assessment import line_styles, short_labels
-from tdint.output.figures.style import add_legend, add_title
+from tdint.output.figures.style import NARROW, add_legend, add_title
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
     from tdint.model.definition import Model
 
-_NARROW = 31  # labels that fit into three columns
 _NEAR = 3  # steps on both sides of the peak that a close-up shows
 _SHOWN = 2  # masses at each end of a row too long to draw
 _SIDE = 0.5  # of a mass, of the distance between two
@@ -64,7 +63,7 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     if shown.is_error:
         for axes in (wide, close):
             axes.set_ylim(bottom=0.0)
-    add_legend(figure, wide, list(lines.values()), list(lines), _NARROW)
+    add_legend(figure, wide, list(lines.values()), list(lines), NARROW)
     beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
     add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")

@@ -1,4 +1,5 @@
-"""Figure of a run: histories, energies, profiles over the height (peaks, what is left), and one hysteresis."""
+"""Figures of runs: histories, energies, profiles over the height and one hysteresis; of suites the demands over the
+height and the spectra of floors; what moves peaks."""
 
 from __future__ import annotations
 

@@ -82,6 +82,9 @@ MARK = "#b03a2e"
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "x")
+NARROW = 31
+"""Characters of a label up to which those of methods stand in three columns."""
+
 _IN_LEGEND = 24  # lines beyond these are drawn, and counted in the legend
 
 _METADATA: dict[str, dict[str, Any]] = {

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 from xml.sax.saxutils import escape, quoteattr
@@ -31,7 +31,8 @@ from tdint.output.tables.campaign import (
     write_rows,
 )
 from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
-from tdint.output.tables.table import TEXT, Column, describe, names
+from tdint.output.tables.table import PARQUET, TEXT, Column, describe, names
+from tdint.tabular import optional
 from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
 from tdint.written_numbers import how_many
 
@@ -42,64 +43,56 @@ if TYPE_CHECKING:
 
 _ROWS_AT_ONCE = 131_072  # a row group of Parquet
 
-_COUNTED = {SAMPLE.name, "story", *(one.column for one in (*RUN, *STORY_QUANTITIES) if one.kind is int)}
+_COUNTED = {SAMPLE.name, "story", *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.kind is int)}
 
 
-def runs_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
-    """What writes runs.parquet; None without pyarrow."""
-    return parquet_writer(store, run_columns(store), lambda: run_rows(store), carried=len(store.inventory_columns()))
+def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
+    """Write runs.parquet."""
+    _write_parquet(store, stream, run_columns(store), run_rows(store), carried=len(store.inventory_columns()))
 
 
-def stories_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
-    """What writes stories.parquet; None without pyarrow."""
-    return parquet_writer(store, story_columns(store), lambda: story_rows(store))
+def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
+    """Write stories.parquet."""
+    _write_parquet(store, stream, story_columns(store), story_rows(store))
 
 
-def damage_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
-    """What writes damage.parquet; None without pyarrow."""
+def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
+    """Write damage.parquet."""
     columns = damage_table_columns(store)
-    return parquet_writer(store, columns, lambda: damage_rows(store), carried=len(store.inventory_columns()))
+    _write_parquet(store, stream, columns, damage_rows(store), carried=len(store.inventory_columns()))
 
 
-def parquet_writer(
-    store: Store, columns: Sequence[Column], rows: Callable[[], Iterable[Sequence[Any]]], *, carried: int = 0
-) -> Callable[[BinaryIO], None] | None:
-    """What writes rows under some columns, the last `carried` of which are the inventory's; None without pyarrow.
+def _write_parquet(
+    store: Store, stream: BinaryIO, columns: Sequence[Column], rows: Iterable[Sequence[Any]], *, carried: int = 0
+) -> None:
+    """Write rows under some columns, the last `carried` of which are the inventory's.
 
     A column of words is one of strings, unless it is of the inventory and has numbers alone.
     """
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        return None
-
-    def write(stream: BinaryIO) -> None:
-        # Of an inventory's columns those are numbers that have nothing else in them.
-        first = len(columns) - carried
-        places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
-        words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
-        kinds = {column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64() for column in columns}
-        # Each column says its unit and what it means, the file which campaign it is of.
-        about = describe(columns)
-        schema = pyarrow.schema(
-            [
-                pyarrow.field(name, kind, metadata=about.get(name, {}))
-                for name, kind in (kinds | dict.fromkeys(words, pyarrow.string())).items()
-            ],
-            {"tdint": json.dumps({"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")})},
-        )
-        with parquet.ParquetWriter(stream, schema) as writer:
-            source = iter(rows())
-            while batch := list(islice(source, _ROWS_AT_ONCE)):
-                cells = list(zip(*batch, strict=True))
-                # The inventory's cells are text, also where a column has numbers alone.
-                for place in places:
-                    cells[place] = tuple(float(text) if text else None for text in cells[place])
-                arrays = [pyarrow.array(column, field.type) for column, field in zip(cells, schema, strict=True)]
-                writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
-
-    return write
+    pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
+    # Of an inventory's columns those are numbers that have nothing else in them.
+    first = len(columns) - carried
+    places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
+    words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
+    kinds = {column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64() for column in columns}
+    # Each column says its unit and what it means, the file which campaign it is of.
+    about = describe(columns)
+    schema = pyarrow.schema(
+        [
+            pyarrow.field(name, kind, metadata=about[name])
+            for name, kind in (kinds | dict.fromkeys(words, pyarrow.string())).items()
+        ],
+        {"tdint": json.dumps({"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")})},
+    )
+    with parquet.ParquetWriter(stream, schema) as writer:
+        source = iter(rows)
+        while batch := list(islice(source, _ROWS_AT_ONCE)):
+            cells = list(zip(*batch, strict=True))
+            # The inventory's cells are text, also where a column has numbers alone.
+            for place in places:
+                cells[place] = tuple(float(text) if text else None for text in cells[place])
+            arrays = [pyarrow.array(column, field.type) for column, field in zip(cells, schema, strict=True)]
+            writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
 _AT = {name: place for place, name in enumerate(STORIES.columns)}
@@ -322,7 +315,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
     """
     named = {} if functions[0].type else _named(functions, states)
     every = list(
-        dict.fromkeys(named[state] for state in sorted(named)) or dict.fromkeys(state.state for state in functions)
+        dict.fromkeys(named[state] for state in sorted(named))
+        or dict.fromkeys(function.state for function in functions)
     )
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -332,7 +326,7 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         f"    <limitStates>{' '.join(every)}</limitStates>",
     ]
     for of_one in _grouped(functions):
-        told = [state.state or named[state.threshold] for state in of_one]
+        told = [function.state or named[function.threshold] for function in of_one]
         first = of_one[0]
         # OpenQuake wants a function of each state for every building or type.
         if told != every:
@@ -362,7 +356,7 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
     UsageError
         There are not as many.
     """
-    thresholds = sorted({threshold.threshold for threshold in functions})
+    thresholds = sorted({function.threshold for function in functions})
     states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{threshold:g}" for threshold in thresholds)

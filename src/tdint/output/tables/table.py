@@ -201,12 +201,11 @@ class Table:
             columns.append((Column(name, unit, name, about["meaning"]), values))
         return columns
 
-    def csv(self, *, header: bool = True) -> bytes:
-        """The table as CSV, without its first line if `header` is False."""
+    def csv(self) -> bytes:
+        """The table as CSV."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        if header:
-            writer.writerow(map(harmless, self.columns))
+        writer.writerow(map(harmless, self.columns))
         writer.writerows(map(cell_text, row) for row in self.rows)
         return text.getvalue().encode()
 
@@ -218,21 +217,33 @@ class Table:
         UsageError
             pyarrow is not installed.
         """
-        pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-        fields, arrays = [], []
+        columns: dict[str, Any] = {}
         for column, cells in self.by_column():
             # Numbers among words are words as well: a column of Parquet has one kind.
             if isinstance(cells, list):
-                cells = pyarrow.array((None if cell is None else cell_text(cell) for cell in cells), pyarrow.string())
-            arrays.append(pyarrow.array(cells))
-            fields.append(pyarrow.field(column.name, arrays[-1].type, metadata=self.meanings[column.name]))
-        stream = io.BytesIO()
-        parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), stream)
-        return stream.getvalue()
+                cells = [None if cell is None else cell_text(cell) for cell in cells]
+            columns[column.name] = cells
+        return parquet(columns, self.meanings)
 
 
 PARQUET = ("a Parquet file", "parquet")
 """What needs pyarrow, and the extra that brings it."""
+
+
+def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
+    """Columns, arrays or lists, as Parquet, each with its meaning; UsageError without pyarrow."""
+    pyarrow, writer = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
+    # Of a column of words in which nothing stands the kind would be none.
+    empty = [isinstance(cells, list) and all(cell is None for cell in cells) for cells in columns.values()]
+    kinds = [pyarrow.string() if is_empty else None for is_empty in empty]
+    arrays = [pyarrow.array(cells, kind) for cells, kind in zip(columns.values(), kinds, strict=True)]
+    fields = [
+        pyarrow.field(name, array.type, metadata=meanings.get(name, {}))
+        for name, array in zip(columns, arrays, strict=True)
+    ]
+    stream = io.BytesIO()
+    writer.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), stream)
+    return stream.getvalue()
 
 
 def cell_text(value: Cell) -> str:

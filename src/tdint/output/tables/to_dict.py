@@ -44,9 +44,8 @@ from tdint.methods.method import Integrator
 from tdint.model.inventory import InventoryBuilding
 from tdint.model.modes import Modes
 from tdint.output.tables import buildings, campaign, methods, spectra, studies
-from tdint.output.tables.methods import validation_table
 from tdint.output.tables.spectra import RecordInfo
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
 from tdint.tabular import Several, optional
 from tdint.units import SI, parse_output_units, quantities
 from tdint.validation import ValidationResult
@@ -118,15 +117,8 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def to_parquet(result: Any, file: str | Path) -> None:
     """What `Tabular.to_parquet` writes."""
-    pyarrow, parquet = (optional(name, "a Parquet file", "parquet") for name in ("pyarrow", "pyarrow.parquet"))
-    table = to_dict(result)
     about = describe(column for column, _ in _values(result))
-    arrays = [pyarrow.array(values) for values in table.values()]
-    fields = [
-        pyarrow.field(name, array.type, metadata=about.get(name, {})) for name, array in zip(table, arrays, strict=True)
-    ]
-    whole = pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields))
-    write_files({Path(file): lambda stream: parquet.write_table(whole, stream)}, overwrite=True)
+    write_files({Path(file): parquet(to_dict(result), about)}, overwrite=True)
 
 
 def to_xarray(runs: Runs) -> Any:
@@ -158,7 +150,7 @@ def to_xarray(runs: Runs) -> Any:
 OF_RUN = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
 """What a run is: coordinates beside its number."""
 
-_HISTORY_UNITS = {one.called or one.name: one.unit for one in quantities(History)}
+_HISTORY_UNITS = {quantity.called or quantity.name: quantity.unit for quantity in quantities(History)}
 
 
 def to_html(result: Any, caption: str) -> str:
@@ -208,7 +200,7 @@ _IN_ROWS: dict[type, Callable[[Sequence[Any]], Table]] = {
     RecordInfo: spectra.info_table,
     Swing: _rows_of(studies.SWINGS),
     Trial: methods.failure_table,
-    ValidationResult: validation_table,
+    ValidationResult: methods.validation_table,
 }
 """Tables with a row for each of several results."""
 
