@@ -240,9 +240,12 @@ def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
     days = sorted({entry.day for entry in entries})
     loads = [entry.load for entry in entries if entry.load is not None]
     load = f"load {min(loads):.1f} to {max(loads):.1f}" if loads else "load unknown"
+    counts = sorted(chart.timing.repeats)
+    # A step that cannot be the cheapest for any tolerance is timed once.
+    repeats = f"the least of {counts[-1]} times where a step may be the cheapest, else of {counts[0]}"
     return (
         f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, {platform.system()}; "
-        f"{' to '.join(dict.fromkeys((days[0], days[-1])))}; {system.CLOCKS[chart.timing.clock]}, "
+        f"{' to '.join(dict.fromkeys((days[0], days[-1])))}; {system.CLOCKS[chart.timing.clock]}, {repeats}, "
         f"{load} on {system.processors()} processors"
     )
 
