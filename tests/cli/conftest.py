@@ -1,6 +1,5 @@
 """Small models and records, and a way to run the command in this process."""
 
-import inspect
 import os
 import re
 import subprocess
@@ -13,8 +12,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
+from separate_streams import runner
 from tdint.ground_motion.messages import quiet_import
 from tdint_cli.main import cli
 
@@ -96,13 +96,10 @@ class Command:
     store. That a kernel is compiled is said, too (tests/kernels/test_compiling.py), but not here.
     """
 
-    # click before 8.2 mixes standard error into standard output unless told not to.
-    _apart: dict[str, Any] = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
-
     def __call__(self, *arguments: object, stdin: bytes | None = None, code: int | None = None) -> Result:
         """What comes of it; `code` is what it has to end with."""
         words = [str(argument) for argument in arguments]
-        result = CliRunner(**self._apart).invoke(cli, words, input=stdin, prog_name="tdint")
+        result = runner().invoke(cli, words, input=stdin, prog_name="tdint")
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
         assert code is None or result.exit_code == code, result.stderr
         return result

@@ -1,12 +1,11 @@
 """The columns that cli/README.md lists are those of the tables."""
 
-import inspect
 import re
 
 import pytest
-from click.testing import CliRunner
 
 import readmes
+from separate_streams import runner
 from tdint_cli.main import cli
 
 OTHER_STORY = re.compile(r"story_(?!1_)\d+_")
@@ -105,9 +104,7 @@ def test_columns(name, monkeypatch, tmp_path):
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:
         arguments += ["-o", str(tmp_path / "out")]
-    # click before 8.2 mixes standard error into standard output unless told not to.
-    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
-    result = CliRunner(**apart).invoke(cli, arguments)
+    result = runner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output
     text = (tmp_path / "out" / file.split()[0]).read_text() if file else result.stdout
     header = text.partition("\n")[0]

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
+from separate_streams import runner
 from tdint_cli.main import cli
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -87,7 +87,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 def printed_here(*arguments):
     """What a command prints in this process, where nothing is missing."""
-    return CliRunner().invoke(cli, [*map(str, arguments)], prog_name="tdint").stdout_bytes
+    return runner().invoke(cli, [*map(str, arguments)], prog_name="tdint").stdout_bytes
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(map(str, command[:2])))

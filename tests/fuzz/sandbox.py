@@ -1,6 +1,5 @@
 """A folder of small models and records, sound and strange, and `tdint` in this process."""
 
-import inspect
 import os
 import shutil
 import tempfile
@@ -9,11 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from fuzz import printed
 from fuzz.study_files import FILES
 from ground_motion.files import counts, trace, wave, write
+from separate_streams import runner
 from tdint_cli.main import cli
 
 MODELS = {
@@ -146,5 +146,4 @@ def invoked(arguments: Sequence[str]) -> tuple[int, str]:
 
 
 def _result(arguments: Sequence[str], stdin: bytes | None = None) -> Result:
-    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
-    return CliRunner(**apart).invoke(cli, list(arguments), input=stdin, prog_name="tdint")
+    return runner().invoke(cli, list(arguments), input=stdin, prog_name="tdint")

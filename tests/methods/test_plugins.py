@@ -15,10 +15,10 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import readmes
 import tdint
+from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
@@ -372,7 +372,7 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
 
     def run(*words):
         place, table = ("out", "out/stories.csv") if words[0] == "run" else ("table.csv", "table.csv")
-        result = CliRunner().invoke(cli, [*words, "-o", place, "--overwrite"])
+        result = runner().invoke(cli, [*words, "-o", place, "--overwrite"])
         assert result.exit_code == 0, result.output
         return list(csv.DictReader(io.StringIO((tmp_path / table).read_text(encoding="utf-8"))))
 
@@ -413,7 +413,7 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
 
     def call(code, *words):
         forget()
-        result = CliRunner().invoke(cli, ["-q", *words])
+        result = runner().invoke(cli, ["-q", *words])
         assert result.exit_code == code, result.output
         return result.stderr
 
