@@ -150,8 +150,8 @@ class Lines:
             raise RecordError(f"more than the {count} values that are announced stand after line {first}")
         return self.checked(values, first)
 
-    def table(self, rows: int | None, columns: int) -> NDArray[np.float64]:
-        """So many rows of so many numbers, or all to the end of the file; shape (columns, rows).
+    def table(self, rows: int, columns: int) -> NDArray[np.float64]:
+        """So many rows of so many numbers; shape (columns, rows).
 
         Raises
         ------
@@ -160,20 +160,33 @@ class Lines:
         """
         values = array("d")
         first = self._next
-        while (rows is None or len(values) < rows * columns) and self.peek() is not None:
-            row = self._row(None)
-            if len(row) != columns:
-                raise RecordError(f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}")
-            values.extend(row)
-        count = len(values) // columns
-        if rows is not None and count < rows:
-            raise RecordError(f"the file is cut off: {rows} rows are announced after line {first}, there are {count}")
+        while len(values) < rows * columns:
+            if self.peek() is None:
+                count = len(values) // columns
+                raise RecordError(
+                    f"the file is cut off: {rows} rows are announced after line {first}, there are {count}"
+                )
+            values.extend(self._row_of(columns))
+        return self.checked(values, first).reshape(-1, columns).T.copy()
+
+    def rest(self, columns: int) -> NDArray[np.float64]:
+        """All rows to the end of the file, each of so many numbers; shape (columns, rows)."""
+        values = array("d")
+        first = self._next
+        while self.peek() is not None:
+            values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
     def expect_end(self) -> None:
         """Raise RecordError if anything but blank lines is left."""
         if self.peek() is not None:
             raise RecordError(f"line {self._next + 1} stands after the last row that the header announces")
+
+    def _row_of(self, columns: int) -> list[float]:
+        row = self._row(None)
+        if len(row) != columns:
+            raise RecordError(f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}")
+        return row
 
     def _row(self, width: int | None) -> list[float]:
         line = self._take()
