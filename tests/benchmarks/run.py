@@ -254,7 +254,13 @@ def peers_said(chart: FieldChart) -> str:
     """What of other programs is on this page."""
     if chart.peers:
         named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
-        return f"Other programs, on the first motion of each building that they can do: {named}.\n"
+        given = [one for one in chart.measured if any(profiles.PEER in point.line for point in one.points)]
+        where = ", ".join(f"{one.name} ({one.motion})" for one in given)
+        return (
+            "Other programs run on the first motion of each building that they can do; their rows, and their grey "
+            f"lines, are of these {len(given)} problems alone: {where}. Their costs are over the least of ours, which "
+            f"they do not change. {named}.\n"
+        )
     try:
         version("openseespy")
         why = "was not asked for (--peers)"
