@@ -171,12 +171,13 @@ def failures(chart: FieldChart) -> str:
     for line in chart.lines:
         cells = []
         for name in buildings:
-            costs = [
-                one.costs(quantity, TOLERANCES[-1])[line]
+            tried = [
+                one.costs(quantity, TOLERANCES[-1])
                 for one in chart.measured
                 for quantity in PEAKS
-                if one.name == name and one.judges(quantity, TOLERANCES[-1]) and any(p.line == line for p in one.points)
+                if one.name == name and one.judges(quantity, TOLERANCES[-1])
             ]
+            costs = [costs_of_all[line] for costs_of_all in tried if line in costs_of_all]
             failed = sum(cost != cost for cost in costs)  # nan
             cells.append("-" if not costs else f"**{failed}**" if failed else "0")
         rows.append([f"`{line}`", *cells])

@@ -119,6 +119,8 @@ def test_other_programs_do_not_change_what_is_best():
             assert profile.ratios == 2 * one[profile.quantity, profile.tolerance]
         else:
             assert profile.ratios in ((0.25,), (INF,))
+    # Of them drifts alone are known: of the rest nothing is said, which is no failure.
+    assert {profile.quantity for profile in beside.profiles if profile.method == "prog/b"} == {"peak_drift"}
 
 
 # ---- Sets of problems

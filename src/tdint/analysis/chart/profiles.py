@@ -146,10 +146,12 @@ class Measured:
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none."""
+        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none. Of other
+        programs drifts alone are known: they have no part in other quantities."""
+        lines = dict.fromkeys(point.line for point in self.points if quantity == "peak_drift" or PEER not in point.line)
         return {
             line: min((point.fastest for point in within(self.points, line, quantity, tolerance)), default=math.nan)
-            for line in dict.fromkeys(point.line for point in self.points)
+            for line in lines
         }
 
 
