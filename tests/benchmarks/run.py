@@ -159,6 +159,7 @@ def tables_of_profiles(chart: FieldChart) -> str:
         rows = [
             [f"`{line}`", *(cell(found.get((quantity, tolerance, line))) for tolerance in judged)]
             for line in chart.lines
+            if any((quantity, tolerance, line) in found for tolerance in judged)
         ]
         text += f"### {WORDS[quantity].capitalize()}\n\n{table(heads, rows)}\n"
     return text
@@ -274,6 +275,7 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
     """The page."""
     chart = field_chart([entry.measured for entry in entries])
     leaders = chart.leaders()
+    ours = sum(profiles.PEER not in line for line in chart.lines)
     missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
         whole > len(entries)
     )
@@ -290,7 +292,7 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
     contents = "\n".join(f"- [{title}](#{anchor(title)})" for title in sections)
     body = "\n".join(f"## {title}\n\n{text.rstrip()}\n" for title, text in sections.items())
     return (
-        f"{INTRODUCTION}\n{len(entries)} problems, {len(chart.lines)} methods.{missing} Best overall (most within "
+        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} Best overall (most within "
         f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors of {percent(COARSE)} "
         f"and more: `{leaders.coarse}`; safest (fails least): `{leaders.safest}`.\n\n"
         f"Measured with {machine(entries, chart)}.\n\n"
@@ -328,8 +330,8 @@ tolerance, a problem is left out there. Times within a tenth of each other are t
 """
 
 FAILURES = """\
-Of the errors of 0.01 % (three quantities, each motion) those that no step of a method comes to; `-`: the method is
-for linear buildings.
+Of the errors of 0.01 % (three quantities, each motion) those that no step of a method comes to; `-`: it was not tried,
+as `exact` is for linear buildings. Other programs: drifts alone, one motion.
 """
 
 MATRIX = """
