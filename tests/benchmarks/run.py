@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
@@ -123,6 +123,13 @@ def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -
 
 
 # ---- The page
+
+
+def whole_chart(entries: Sequence[Entry]) -> FieldChart:
+    """All of them, with the largest load while they were measured: when the page is written is another time."""
+    chart = field_chart([entry.measured for entry in entries])
+    load = max((entry.load for entry in entries if entry.load is not None), default=None)
+    return replace(chart, timing=replace(chart.timing, load=load))
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -273,7 +280,7 @@ def peers_said(chart: FieldChart) -> str:
 
 def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str]]) -> str:
     """The page."""
-    chart = field_chart([entry.measured for entry in entries])
+    chart = whole_chart(entries)
     leaders = chart.leaders()
     ours = sum(profiles.PEER not in line for line in chart.lines)
     missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
@@ -380,7 +387,7 @@ def main() -> int:
     entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
     if not entries:
         sys.exit("no problem is finished yet")
-    chart = field_chart([entry.measured for entry in entries])
+    chart = whole_chart(entries)
     PAGE.write_text(page(entries, len(given), draw(chart)), encoding="utf-8")
     print(f"{PAGE.name}: {len(entries)} of {len(given)} problems")
     return 0
