@@ -95,9 +95,14 @@ class Measures:
     notes: tuple[str, ...]
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def measure(record: Record) -> Measures:
     """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond what floats hold."""
+    # As a decorator it would keep what to restore for all threads together (numpy before 2).
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _measure(record)
+
+
+def _measure(record: Record) -> Measures:
     motion = integrate(record)
     energy = cumulative_energy(record)
     ends = [time_of_energy(record, energy, part) for part in (0.05, 0.75, 0.95)]
