@@ -354,7 +354,7 @@ def test_an_option_that_a_mode_does_not_take_is_refused(here, tdint, name, mode,
     text = " has nothing to act on with" if chooses or len(value) > 1 else expected
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
     assert text in result.stderr
-    assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"folder", "empty.py"}  # Python's own, of empty.py
+    assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"folder", "empty.py"}
 
 
 @pytest.mark.parametrize("name", MODES)
