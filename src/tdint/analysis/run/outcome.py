@@ -471,6 +471,12 @@ class Response(Tabular):
         )
 
 
+DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
+UNSTABLE, NOT_WITHIN = "unstable-step", "not-within-tolerance"
+FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NOT_WITHIN)
+"""How runs end that have no result."""
+
+
 @dataclass(eq=False, repr=False)
 class FailedRun(AnalysisError):
     """A run without a result: it ended before its time, or was refused.
