@@ -16,18 +16,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors, demand_values
 from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import (
-    DIVERGED,
-    NOT_CONVERGED,
-    NOT_WITHIN,
-    STORY,
-    Collapse,
-    ErrorEstimate,
-    FailedRun,
-    Response,
-    Shock,
-    StoryPeaks,
-)
+from tdint.analysis.run.outcome import NO_STEP, STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of
@@ -279,9 +268,6 @@ def _spread(items: Sequence[Item]) -> Iterator[Item]:
             parts += [part[:middle], part[middle + 1 :]]
 
 
-_REPEATED = (NOT_CONVERGED, DIVERGED)
-"""Failures that a finer step may mend."""
-
 _SAME = 1e-9  # steps that differ by less than about this part are the same
 
 
@@ -346,7 +332,7 @@ class Batch:
         jobs = [_Job(run, steps[run.motion]) for run in runs]
         # Without a step within the tolerance no run is worth its time; the rows tell why.
         if largest is None:
-            results.runs += [self._row(job, NOT_WITHIN) for job in jobs]
+            results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
         # What failed comes back with a finer step, until nothing is left to be repeated.
         while jobs:
@@ -421,7 +407,7 @@ class Batch:
         for i, failure in outcomes.failures.items():
             job = jobs[i]
             # A refused step, beyond the method's limit, is told and not repeated.
-            if failure.status in _REPEATED and job.repeats < REPEATS:
+            if failure.finer_may_help and job.repeats < REPEATS:
                 again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))

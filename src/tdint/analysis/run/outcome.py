@@ -472,8 +472,8 @@ class Response(Tabular):
 
 
 DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
-UNSTABLE, NOT_WITHIN = "unstable-step", "not-within-tolerance"
-FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NOT_WITHIN)
+UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
+FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
 """How runs end that have no result."""
 
 
@@ -516,3 +516,8 @@ class FailedRun(AnalysisError):
 
     def __post_init__(self) -> None:
         super().__init__(self.message)
+
+    @property
+    def finer_may_help(self) -> bool:
+        """Whether the same run with a finer step may come to its end."""
+        return self.status in (DIVERGED, NOT_CONVERGED)
