@@ -7,8 +7,9 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, norm
 
-from tdint.campaign.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.fits import Fragility, Points, empirical, fit_capacities, fit_cloud, fit_stripes
 from tdint.errors import AnalysisError, UsageError
+from tdint.units import OutputUnits
 
 # Public data of Baker (2015), https://www.jackwbaker.com/fragility.html
 LEVELS = [0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0]
@@ -175,6 +176,86 @@ def test_band_and_total():
     from dataclasses import replace
 
     assert replace(found, beta_model=0.3).beta_total == pytest.approx(math.sqrt(found.beta**2 + 0.09))
+
+
+SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
+"""A function that is known without error."""
+
+
+def test_counts_of_few_levels_are_those_of_each():
+    """Two levels in any order, of three and two runs; of the three two are beyond the state."""
+    counted = SURE.beside_counts(np.array([2.0, 1.0, 2.0, 1.0, 2.0]), np.array([1.0, 0.0, 1.0, 1.0, 0.0])).counted
+    assert counted.im == pytest.approx([1.0, 2.0])
+    assert counted.runs.tolist() == [2.0, 3.0]
+    assert counted.share == pytest.approx([1 / 2, 2 / 3])
+    probability = norm.cdf([0.0, math.log(2.0) / 0.5])
+    assert counted.fitted == pytest.approx(probability)
+    assert counted.error == pytest.approx(np.sqrt(probability * (1.0 - probability) / [2, 3]))
+    assert counted.half == pytest.approx([1 / 4, 1 / 6])
+    assert counted.apart[0] == 0.0  # half a motion explains it
+    assert counted.apart[1] == pytest.approx((probability[1] - 2 / 3 - 1 / 6) / counted.error[1])
+
+
+def test_counts_of_levels_that_stand_for_many_runs():
+    runs = np.array([40.0, 10.0])
+    counted = SURE.beside_counts(np.array([1.0, 2.0]), np.array([0.5, 0.9]), runs=runs).counted
+    assert (counted.runs.tolist(), counted.share.tolist()) == ([40.0, 10.0], [0.5, 0.9])
+    assert counted.half == pytest.approx(0.5 / runs)
+
+
+def test_counts_of_many_levels_are_in_six_bins_of_as_many_runs():
+    """Runs under one motion err alike: in a bin they are one draw."""
+    im = np.geomspace(0.5, 4.0, 12)
+    beyond = np.arange(12) % 3 == 0
+    counted = SURE.beside_counts(im[::-1], beyond[::-1].astype(float)).counted
+    assert counted.runs.tolist() == [2.0] * 6
+    assert counted.im == pytest.approx(np.sqrt(im[::2] * im[1::2]))
+    assert counted.share == pytest.approx(beyond.reshape(6, 2).mean(axis=1))
+    assert counted.fitted == pytest.approx(SURE.probability(im).reshape(6, 2).mean(axis=1))
+    one_draw = SURE.beside_counts(im, beyond.astype(float), motion=np.arange(12) // 2).counted
+    assert one_draw.half == pytest.approx([0.5] * 6)
+    assert one_draw.error == pytest.approx(math.sqrt(2.0) * counted.error)
+
+
+def test_the_error_of_the_fit_counts_beside_the_scatter():
+    """By the delta method: that of theta alone moves the probability by density times its error over beta."""
+    covariance = np.diag([0.2**2, 0.0])
+    unsure = Fragility("ida", 1.0, 0.5, covariance, 12)
+    im, beyond = np.array([1.5] * 4), np.array([1.0, 1.0, 0.0, 1.0])
+    z = math.log(1.5) / 0.5
+    scatter = SURE.beside_counts(im, beyond).counted.error
+    assert unsure.beside_counts(im, beyond).counted.error == pytest.approx(np.hypot(scatter, norm.pdf(z) * 0.2 / 0.5))
+
+
+def test_what_parts_most_from_the_counts_is_told():
+    """100 runs at the median, of which all are beyond: half is expected, the scatter 5 %, half a motion .5 %."""
+    im = np.repeat([1.0, 4.0], 100)
+    beside = SURE.beside_counts(im, np.ones(200))
+    assert beside.counted.apart == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
+    text = "at im 1 100 % of 100 runs are beyond, the cloud function has 50 %: more apart than their scatter allows"
+    assert beside.disagreement == text
+    assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace("im 1", "Sa 1 g")
+    # 3 standard errors of 5 % and half a motion: 65.5 of 100 are not told, 66 are.
+    for beyond, told in ((65, False), (66, True)):
+        share = np.concatenate([np.arange(100) < beyond, np.ones(100)])
+        assert bool(SURE.beside_counts(im, share.astype(float)).disagreement) == told
+    assert SURE.disagreement == ""
+
+
+def test_observations_go_along_into_other_units():
+    """A line ln EDP = a + b ln IM keeps its demands where the intensity is 9.80665 times as large a number."""
+    im = np.array([0.1, 0.2, 0.4, 0.8])
+    (fit,) = fit_cloud(im, 0.02 * im**0.9 * np.array([1.1, 0.9, 1.05, 0.95]), (0.01,))
+    fit = fit.beside_counts(im, np.array([0.0, 0.0, 1.0, 1.0])).named(0.01, "Sa", "g")
+    moved = fit.in_units(OutputUnits(length="cm"))
+    factor = moved.theta / fit.theta
+    assert (moved.unit, factor) == ("cm/s^2", pytest.approx(980.665))
+    assert moved.cloud.im == pytest.approx(factor * im)
+    assert moved.counted.im == pytest.approx(factor * fit.counted.im)
+    demand = [line.intercept + line.slope * np.log(line.im) for line in (fit.cloud, moved.cloud)]
+    assert demand[1] == pytest.approx(demand[0], rel=1e-12)
+    points = Fragility("ida", 0.5, 0.4, np.zeros((2, 2)), 3, unit="g", points=Points(im, np.linspace(0, 1, 4)))
+    assert points.in_units(OutputUnits(length="cm")).points.im == pytest.approx(980.665 * im)
 
 
 def test_empirical_points_are_the_middles_of_steps():

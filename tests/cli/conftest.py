@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from html import escape
 from pathlib import Path
 from textwrap import dedent
 from typing import Any, BinaryIO
@@ -135,20 +136,33 @@ def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
     return shown, process.wait(timeout=60.0)
 
 
-@pytest.fixture(autouse=True)
-def _pictures(not_laid_out: None) -> None:
-    """Of commands are not laid out."""
+BEGINNINGS = {"png": b"\x89PNG\r", "pdf": b"%PDF", "svg": b"<?xml"}
+"""Of pictures by their format."""
 
 
 @pytest.fixture
-def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made, but not drawn: for tests that ask which files there are, and for which tens are written."""
+def drawn() -> None:
+    """For tests that ask what a format holds, or give what is hard to draw."""
+
+
+@pytest.fixture(autouse=True)
+def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, not_laid_out: None) -> None:
+    """Figures are made, but unless a test takes `drawn` or `laid_out`, files get but the beginning of their format and
+    the words of the figure: drawn are figures of all kinds in tests/output/test_plots.py."""
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
-        stream.write(f"a picture as {format}".encode())
+        panels = [panel for whole in self.axes for panel in (whole, *whole.child_axes)]
+        texts = [*self.texts, *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis))]
+        texts += [child for panel in panels for child in panel.get_children() if isinstance(child, Text)]
+        legends = [*self.legends, *filter(None, (panel.get_legend() for panel in panels))]
+        texts += [text for legend in legends for text in legend.get_texts()]
+        words = [escape(text.get_text(), quote=False) for text in texts if text.get_visible()]
+        stream.write(BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in words).encode())
 
-    monkeypatch.setattr(Figure, "savefig", write)
+    if not {"drawn", "laid_out"} & set(request.fixturenames):
+        monkeypatch.setattr(Figure, "savefig", write)
 
 
 @pytest.fixture

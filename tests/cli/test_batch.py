@@ -96,7 +96,6 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
         assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_records_of_one_stem_keep_their_suffix(folder, tdint):
     """K-NET gives a station's components one stem: x.EW and x.NS."""
     for suffix in ("EW", "NS"):
@@ -227,23 +226,16 @@ def test_what_a_process_raises_is_raised():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
-@pytest.mark.parametrize(
-    ("arguments", "to_terminal", "shown"),
-    [
-        ("spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False, True),
-        ("info motion.mseed other.mseed", True, False),
-    ],
-)
-def test_a_bar_is_drawn_on_a_terminal_only_where_no_data_go(folder, arguments, to_terminal, shown):
-    """That one record has no bar is asked in this process."""
-    said, code = at_a_terminal(arguments, to_terminal)
-    assert (code, b"2/2" in said, b"##" in said) == (0, shown, shown)
+def test_a_bar_is_drawn_on_a_terminal(folder):
+    said, code = at_a_terminal("spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False)
+    assert (code, b"2/2" in said, b"##" in said) == (0, True, True)
 
 
-def test_one_record_has_no_bar(folder, tdint, monkeypatch):
-    monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream is sys.stderr)
-    for records, bar in ((["motion.mseed"], False), (["motion.mseed", "other.mseed"], True)):
-        assert ("2/2" in tdint("info", *records, "-o", f"{bar}.csv", code=0).stderr) == bar
+def test_one_record_has_no_bar_nor_has_a_terminal_where_data_go(folder, tdint, monkeypatch):
+    monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream in (sys.stdout, sys.stderr))
+    two = ["motion.mseed", "other.mseed"]
+    for words, bar in ((["motion.mseed", "-o", "one.csv"], False), ([*two, "-o", "two.csv"], True), (two, False)):
+        assert ("2/2" in tdint("info", *words, code=0).stderr) == bar
 
 
 def test_sources_keep_the_users_spelling(many):

@@ -23,6 +23,7 @@ COLUMNS = (
 QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
 
 
+@pytest.mark.usefixtures("drawn")
 def test_table_words_and_files(folder, tdint):
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
     assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
@@ -129,6 +130,7 @@ def test_the_default_methods(folder, tdint):
     ]
 
 
+@pytest.mark.usefixtures("drawn")
 def test_unstable_steps_stay_in_the_table(folder, tdint):
     words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--no-cache", "--plot", "x.svg")
     result = tdint("chart", "shaken.yaml", *words, code=0)
@@ -152,6 +154,7 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
 
 
+@pytest.mark.usefixtures("drawn")
 def test_over_the_number_of_stories(folder, tdint):
     words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--no-cache", "--duration", "1")
     result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
@@ -263,6 +266,7 @@ problems:
 LINES = ("--method", "newmark-average,impulse4")
 
 
+@pytest.mark.usefixtures("drawn")
 def test_profiles_of_several_motions(folder, tdint, make_record):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(

@@ -27,6 +27,8 @@ floors:
 band: [0.4, 15]
 """
 SAMPLES = 500
+FIT = ("--recorded", "fitted.yaml", "--fit", "stiffness", "--blind", "blind.yaml")
+"""To the roof alone; the first floor is blind."""
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +49,14 @@ def write_recorded(folder):
     roof = names.index("floor_2_absolute_acceleration_m_s2")
     table[:, roof] += 0.5 + 0.2 * np.std(table[:, roof]) * generator.normal(size=SAMPLES)
     np.savetxt("recorded.csv", table, "%.12g", ",", header=",".join(names), comments="")
+    for name, floor in (("fitted", "  1:"), ("blind", "  roof:")):
+        lines = [line for line in RECORDED.splitlines() if not line.startswith(floor)]
+        Path(f"{name}.yaml").write_text("\n".join(lines))
+    Path("off.yaml").write_text(MODEL.replace("900", "1100").replace("700", "600"))
+    Command()("compare", "off.yaml", *FIT, "-o", "si/table.csv", code=0)
 
 
+@pytest.mark.usefixtures("drawn")
 def test_table_files_and_requirements(recorded, tdint, tmp_path):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
@@ -71,25 +79,19 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path):
     assert again.stdout == (out / "comparison.csv").read_text()
 
 
-def test_fitted_and_blind(recorded, tdint, tmp_path):
-    """Fitted to the roof alone; the first floor is blind. The table's name makes those of the other files."""
-    text = (recorded / "recorded.yaml").read_text()
-    for name, floor in (("fitted", "  1:"), ("blind", "  roof:")):
-        lines = [line for line in text.splitlines() if not line.startswith(floor)]
-        (recorded / f"{name}.yaml").write_text("\n".join(lines))
-    (recorded / "off.yaml").write_text(MODEL.replace("900", "1100").replace("700", "600"))
-    words = ("--recorded", recorded / "fitted.yaml", "--fit", "stiffness", "--blind", recorded / "blind.yaml")
-    tdint("compare", recorded / "off.yaml", *words, "-o", tmp_path / "table.csv", code=0)
-    roof, first = rows(tmp_path / "table.csv")
-    assert (roof["floor"], roof["recorded"]) == ("2", str(recorded / "fitted.yaml"))
-    assert (first["floor"], first["recorded"]) == ("1", str(recorded / "blind.yaml"))
+def test_fitted_and_blind(recorded):
+    """The table's name makes those of the other files."""
+    si = recorded / "si"
+    roof, first = rows(si / "table.csv")
+    assert (roof["floor"], roof["recorded"]) == ("2", "fitted.yaml")
+    assert (first["floor"], first["recorded"]) == ("1", "blind.yaml")
     assert float(first["correlation"]) > 0.99
-    fitted = rows(tmp_path / "table-fit.csv")
+    fitted = rows(si / "table-fit.csv")
     assert [(row["parameter"], row["place"]) for row in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
     assert [float(row["start"]) for row in fitted] == [1100.0, 600.0]
     assert [float(row["fitted"]) for row in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
     written = {"table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml", "table-summary.json"}
-    assert {file.name for file in tmp_path.iterdir()} == written
+    assert {file.name for file in si.iterdir()} == written
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
@@ -121,30 +123,27 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     ]
 
 
-def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path):
+def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, monkeypatch):
     """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the words."""
-    (recorded / "named.yaml").write_text(MODEL + "output_units: kip, in, g\n")
-    roof = [line for line in RECORDED.splitlines() if not line.startswith("  1:")]  # a floor alone is fitted sooner
-    (recorded / "roof.yaml").write_text("\n".join(roof))
-    compare = ("--recorded", recorded / "roof.yaml", "--fit", "stiffness", "-o")
-    tdint("compare", recorded / "model.yaml", *compare, tmp_path / "si", code=0)
-    named = tdint("compare", recorded / "named.yaml", *compare, tmp_path / "us", code=0)
+    monkeypatch.chdir(recorded)
+    Path("named.yaml").write_text(Path("off.yaml").read_text() + "output_units: kip, in, g\n")
+    named = tdint("compare", "named.yaml", *FIT, "-o", tmp_path / "table.csv", code=0)
     assert " g; exact" in named.stderr and "stiffness_kip_in 1 " in named.stderr
     for name, columns, factor in (
-        ("spectra", ("computed_sa_m_s2", "recorded_sa_m_s2"), 9.80665),
-        ("fit", ("start", "fitted", "standard_error"), 4448.2216152605 / 0.0254),
+        ("table-spectra", ("computed_sa_m_s2", "recorded_sa_m_s2"), 9.80665),
+        ("table-fit", ("start", "fitted", "standard_error"), 4448.2216152605 / 0.0254),
     ):
-        si, us = (rows(tmp_path / units / f"{name}.csv") for units in ("si", "us"))
+        si, us = (rows(folder / f"{name}.csv") for folder in (recorded / "si", tmp_path))
         for row, other in zip(si, us, strict=True):
             for column in columns:
                 changed = float(other[column.replace("_m_s2", "_g")])
                 assert changed * factor == pytest.approx(float(row[column]), rel=1e-10)
     assert [row["parameter"] for row in us] == ["stiffness_kip_in"] * 2
-    told, plain = (json.loads((tmp_path / units / "summary.json").read_text()) for units in ("us", "si"))
+    told, plain = (json.loads((folder / "table-summary.json").read_text()) for folder in (tmp_path, recorded / "si"))
     assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(plain["events"][0]["base"]["pga_m_s2"])
     assert [one["parameter"] for one in told["fit"]["values"]] == ["stiffness_kip_in"] * 2
-    given = ("--recorded", recorded / "roof.yaml", "--output-units", "kip,in,g", "-o", tmp_path / "given")
-    tdint("compare", recorded / "model.yaml", *given, code=0)
+    given = ("--recorded", "recorded.yaml", "--output-units", "kip,in,g", "-o", tmp_path / "given")
+    tdint("compare", "model.yaml", *given, code=0)
     assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == ["computed_sa_g", "recorded_sa_g"]
 
 

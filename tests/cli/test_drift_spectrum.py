@@ -38,7 +38,6 @@ def test_the_defaults_are_those_of_the_library(folder, tdint):
         np.testing.assert_allclose([float(row[column]) for row in table], values, rtol=5.1e-12)
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_the_kind_of_building(folder, tdint):
     tables = []
     for options in (["--stories", "1"], ["--height-period", "0.1,1"], ["--beam"]):
@@ -52,6 +51,7 @@ def test_the_kind_of_building(folder, tdint):
     assert (folder / "x.png").exists()
 
 
+@pytest.mark.usefixtures("drawn")
 def test_what_a_table_came_from_and_its_picture(folder, tdint):
     assert tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot").exit_code == 0
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["motion.csv", "motion.json", "motion.png"]

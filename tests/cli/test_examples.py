@@ -22,6 +22,7 @@ FILES = {
 }
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("numbers", ["1", pytest.param("1 2 3", marks=pytest.mark.slow)])
 def test_examples_with_their_figures(here, tdint, numbers):
     asked = numbers.split()

@@ -124,7 +124,6 @@ def test_every_command_that_writes_or_takes_files_is_here() -> None:
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("name", WRITING)
 def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Command, name: str) -> None:
     line, named = WRITING[name]
@@ -312,7 +311,6 @@ def test_every_file_option_that_is_written_is_tried() -> None:
     assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile", "rerun"}
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(
     ("name", "link"),
     [*((name, "") for name in KEPT_SAFE), *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard"))],
@@ -349,7 +347,6 @@ def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
     assert (study / "shaken.yaml").read_bytes() == before
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(study: Path, tdint: Command) -> None:
     whole = words_of("run shaken.yaml MOTION -o out --overwrite")
     tdint(*whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0)

@@ -66,7 +66,6 @@ def office(tmp_path_factory):
     return folder
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS]
 )

@@ -58,6 +58,7 @@ def test_units_and_how_they_are_known(folder, tdint, make_record):
     assert row["units"] == "2e-3 gal (given)"
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_record_of_zeros_has_empty_cells_and_a_picture(folder, tdint):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)
@@ -86,7 +87,6 @@ def test_usage_errors(folder, tdint, arguments, code, message):
     tdint.refused(message, "info", *arguments, code=code)
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(("other", "said"), [("motion.mseed", True), ("other.mseed", False)])
 def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint, other, said):
     told = [

@@ -1,6 +1,7 @@
 """Ctrl-C and SIGTERM while a library works and Python does not look."""
 
 import errno
+import itertools
 import signal
 import subprocess
 import sys
@@ -39,19 +40,23 @@ OTHERS = [
 ]
 
 
+def started(ends, *words):
+    """Processes of Python at the line that they print, for each of what is expected of them: they mostly wait."""
+    command = [sys.executable, *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    processes = {subprocess.Popen(command, **pipes): end for end in ends}
+    assert all(process.stdout.readline() == "ready\n" for process in processes)
+    return processes
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_signal_ends_the_command_inside_of_a_library(tmp_path):
-    """Four commands at a time, one for each signal: they mostly wait."""
-    started = {}
-    for number, code, word in [*ASKED, *OTHERS]:
-        command = [sys.executable, "-c", STUCK, str(tmp_path)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        started[process] = (number, code, word)
-    for process, (number, _, _) in started.items():
-        assert process.stdout.readline() == "ready\n"
-        time.sleep(0.1)  # into LAPACK
+    """Four commands at a time, one for each signal."""
+    ends = started([*ASKED, *OTHERS], "-c", STUCK, str(tmp_path))
+    time.sleep(0.1)  # into LAPACK
+    for process, (number, _, _) in ends.items():
         process.send_signal(number)
-    for process, (number, code, word) in started.items():
+    for process, (number, code, word) in ends.items():
         _, said = process.communicate(timeout=30)
         assert (process.returncode, said) == (code, f"{word}\n"), number
     assert list(tmp_path.iterdir()) == []
@@ -78,17 +83,17 @@ finally:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("again", [(), (0.1, 0.05)])
-@pytest.mark.parametrize(("number", "code", "word"), ASKED)
-def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for(number, code, word, again):
-    command = [sys.executable, "-c", LINGERING]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout.readline() == "ready\n"
-    for pause in (0.1, *again):
+def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for():
+    """Once and three times, two commands of each at a time."""
+    ends = started(itertools.product(ASKED, (1, 3)), "-c", LINGERING)
+    for again, pause in enumerate((0.1, 0.1, 0.05)):
         time.sleep(pause)
-        process.send_signal(number)
-    _, said = process.communicate(timeout=15)
-    assert (process.returncode, said) == (code, f"{word}\n")
+        for process, ((number, _, _), times) in ends.items():
+            if again < times:
+                process.send_signal(number)
+    for process, ((_, code, word), times) in ends.items():
+        _, said = process.communicate(timeout=15)
+        assert (process.returncode, said) == (code, f"{word}\n"), times
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -66,6 +66,7 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_pushover(folder, tdint):
     """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
     words = ("--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv", "--plot=x.pdf")
@@ -85,7 +86,6 @@ def test_a_pushover(folder, tdint):
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
     """The table has what Python has; a row per method and story, and a sentence of each method."""
     target = "ec8:type=1,soil=C,ag=0.05g"
@@ -129,7 +129,6 @@ def test_of_many_faults_the_first_ten_and_their_number_are_shown(folder, tdint):
     assert len(errors) == 11 and errors[-1].endswith("and 90 more faults, 100 in all")
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_modes_under_a_design_spectrum(folder, tdint):
     """The rows of Python."""
     arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")

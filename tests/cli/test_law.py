@@ -51,7 +51,6 @@ def test_a_linear_story_of_a_stream(folder, tdint):
     assert result.stderr.splitlines()[-1].split() == ["1", "0.01", "-", "-", "8", "-8", "800", "0", "0"]
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("units", ["m", "dy"])
 def test_any_path(folder, tdint, units):
     """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for each."""
@@ -84,6 +83,7 @@ def test_table_and_picture(folder, tdint):
     assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
 def test_pictures_of_any_size(folder, tdint, model, drift):
     tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)

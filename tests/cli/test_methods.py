@@ -40,6 +40,7 @@ def test_a_method_is_measured_once(tdint):
     assert twice.stdout == once.stdout
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(("name", "suffix"), list(zip(COMMANDS, SIGNATURES, strict=True)))
 def test_table_and_picture(here, tdint, name, suffix):
     command = (name, *SMALL[name], "--method", "newmark", "--method", "impulse4")
@@ -138,6 +139,7 @@ def test_beta_scan(here, tdint):
     assert "impulse:beta=1/145" in picture and "√12" in picture
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
 def test_pictures_of_any_steps(here, tdint, steps):
     tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
@@ -180,6 +182,7 @@ def test_overshoot_words(tdint):
     assert "nothing" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
     last = rows(tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout)[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
@@ -202,7 +205,6 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
 # ---- order
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_order_over_the_frequency_ratio(here, tdint):
     """At fifteen ratios unless told otherwise; the picture is a curve over them."""
     result = tdint("order", "--method", "impulse4", "--plot", "x.png", code=0)

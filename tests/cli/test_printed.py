@@ -26,6 +26,7 @@ def stability(tdint, *more):
     return tdint("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9", *more)
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(("words", "width"), [("90mm", 90.0), ("width=7in", 177.8)])
 def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(here, tdint, words, width):
     """Letters as the page's streams set them: `/F1 8 Tf`."""
@@ -43,6 +44,7 @@ def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_point
     assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}  # exponents are smaller
 
 
+@pytest.mark.usefixtures("drawn")
 def test_words_are_those_of_the_paper(here, tdint):
     """And a style sheet has its say."""
     (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")

@@ -203,7 +203,6 @@ def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint
             assert float(mm["mean"]) == pytest.approx(factor * float(si["mean"]), rel=1e-10)
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_a_mean_is_told_when_all_runs_are_done(study: Path, tdint: Command, make_record: Callable[..., None]) -> None:
     make_record(study / "motion.mseed", "HNE", "HNN", samples=6000)  # so long that there are several chunks
     for part, name in ((1, "part"), (2, "rest")):
@@ -236,7 +235,6 @@ def test_what_is_refused(study: Path, tdint: Command, words: tuple[str, ...], me
     tdint.refused(message, *words)
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shaken", "--plot", code=0)
     profiles, ratios = rows("out/profiles.csv"), rows("out/ratios.csv")

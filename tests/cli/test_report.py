@@ -11,11 +11,9 @@ import zlib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from cli.conftest import Command
 from csv_rows import rows
@@ -77,6 +75,7 @@ def table_with(found: Page, heading: str) -> list[dict[str, str]]:
     return [dict(zip(table[0], cells, strict=True)) for cells in table[1:]]
 
 
+@pytest.mark.usefixtures("drawn")
 def test_the_page_of_a_run(folder: Path, tdint: Command) -> None:
     result = tdint("run", "shaken.yaml", "--check", "--report", "page.html", code=0)
     found = page("page.html")
@@ -100,17 +99,6 @@ def test_the_page_of_a_run(folder: Path, tdint: Command) -> None:
         assert words in found.text, words
 
 
-@pytest.fixture
-def blank(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures of pages are not drawn: what is in them is asked elsewhere, that they are there of a page of a run."""
-
-    def write(_: Figure, stream: BinaryIO, *, format: str, **__: object) -> None:
-        stream.write(b"<?xml version='1.0'?><svg/>" if format == "svg" else b"\x89PNG\r")
-
-    monkeypatch.setattr(Figure, "savefig", write)
-
-
-@pytest.mark.usefixtures("blank")
 def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     records = ("motion.mseed", "other.mseed", "--units", "m/s^2")
     result = tdint("run", "shaken.yaml", *records, "-o", "out", "--limit", "2%", "--report", "page.html", code=0)
@@ -125,7 +113,6 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     assert [row["record"] for row in table_with(found, "pga (m/s²)")] == ["motion.mseed"] * 2 + ["other.mseed"]
 
 
-@pytest.mark.usefixtures("blank")
 def test_names_cannot_write_into_the_page(folder: Path, tdint: Command) -> None:
     text = Path("shaken.yaml").read_text()
     Path("shaken.yaml").write_text(text.replace("name: shaken", "name: '<script>alert(1)</script> & \"co\"'"))
@@ -133,7 +120,6 @@ def test_names_cannot_write_into_the_page(folder: Path, tdint: Command) -> None:
     assert '<script>alert(1)</script> & "co"' in page("page.html").text
 
 
-@pytest.mark.usefixtures("blank")
 def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: Path, tdint: Command) -> None:
     given = ("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "--scale", "0.5,2", "-o")
     tdint(*given, "out", "--report", "page.html", code=0)
@@ -144,7 +130,6 @@ def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: P
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
-@pytest.mark.usefixtures("blank")
 def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(folder: Path, tdint: Command) -> None:
     text = (
         "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. B.'\n"
@@ -172,7 +157,6 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(folder: Path, 
     tdint.refused("kilo.yaml:3:9: report", "run", "kilo.yaml", "-q", code=3)
 
 
-@pytest.mark.usefixtures("blank")
 def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
     scaled = tdint(
         "scale", "motion.mseed", "--units", "m/s^2", "--pairs", "geometric-mean", "--rule", "ec8", "--at", "0.5",
@@ -288,6 +272,7 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to print with")
 def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint: Command) -> None:
     """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the paper."""

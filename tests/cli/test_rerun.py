@@ -61,7 +61,6 @@ CASES = {
 """Of commands that write folders, beside those of test_provenance.py."""
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("name", CASES)
 def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, name):
     """All its tables, those that were named beside it, too, and from another working directory."""

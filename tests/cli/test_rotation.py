@@ -70,7 +70,6 @@ def test_components_in_files_of_their_own(folder, tdint, names):
     assert {(row["record"], row["component"]) for row in table} == {(pair, "0+90")}
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_several_motions_go_to_files_of_their_own(folder, tdint):
     files = [f"{motion}{component}.AT2" for component in ("000", "090") for motion in "AB"]
     for seed, name in enumerate(files):

@@ -45,6 +45,7 @@ def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
     assert files(folder) == before
 
 
+@pytest.mark.usefixtures("drawn")
 def test_the_files_of_a_run(folder, tdint):
     result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", code=0)
     out = folder / "out"
@@ -223,7 +224,6 @@ def test_moment4_carries_its_error_along(folder, tdint):
     assert "estimated error" not in plain.stderr
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_errors_that_nobody_asked_for_are_not_worth_a_repetition(folder, tdint):
     """With a step that is too long for moment4 to tell its error, cells are empty and a note says what to do; asked
     for, they come from repetitions; without --check other methods, and rho_inf below 1, have none."""

@@ -16,7 +16,6 @@ PGA = ("--pga", "0.6g")
 TARGET = ("--target", CONFIGS / "design-spectrum.csv")
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_factors_to_a_value(folder, tdint):
     words = ("scale", "motion.mseed", "other.mseed", *UNITS, *PGA)
     assert tdint(*words, "-o", "f/factors.csv", "--plot", code=0).stdout == ""
@@ -90,7 +89,6 @@ def test_a_record_that_fails_keeps_a_set_but_not_the_others(folder, tdint):
     tdint.refused("single horizontal component", "scale", "motion.mseed", "other.mseed", *UNITS, "--p695", code=4)
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_the_rule_of_asce7(folder, tdint, make_record):
     (folder / "suite").mkdir()
     for i in range(11):
@@ -110,7 +108,6 @@ def test_the_rule_of_asce7(folder, tdint, make_record):
 EC8 = ("--target", "ec8:type=1,soil=B,ag=0.25g")
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA against ag S."""
     building = CONFIGS / "ten-story.yaml"

@@ -22,7 +22,6 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
     assert "Shock 2, from " in result.stderr
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_the_files_of_a_sequence(folder, tdint):
     tdint(*SHOCKS, "--rest", 3, "--scale", "1.5,0.5", "--check", "-o", "out", "--history", "--plot", code=0)
     names = {"history.csv", "response.png", "stories.csv", "summary.json"}

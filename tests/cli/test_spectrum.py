@@ -109,6 +109,7 @@ def test_the_choices_are_those_of_the_library():
     assert list(choices["interpolation"].choices) == list(INTERPOLATIONS)
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("more", [(), PERIODS])
 def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, more):
     """A picture has it, too, and a target over the spectra of records."""
@@ -130,7 +131,6 @@ def test_notes_are_told_once(folder, tdint):
     assert "below a period" not in tdint("spectrum", "motion.mseed", "--period", "0.1").stderr
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("into", ["all.csv", "out/", "out"])
 def test_output_to_a_file_or_a_folder(folder, tdint, into):
     if into == "out":
@@ -207,6 +207,7 @@ def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, tol
     assert (said in tdint("spectrum", "other.mseed", *options, code=0).stderr) == told
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(
     ("axes", "label"),
     [("tripartite", "pseudo-velocity PSV (m/s)"), ("adrs", "pseudo-acceleration PSA (g)")],
@@ -265,6 +266,7 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
         assert float(back[column]) == pytest.approx(float(found[column]), rel=1e-8)
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
 def test_files_and_picture(folder, tdint, option):
     tdint("spectrum", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)
@@ -274,6 +276,7 @@ def test_files_and_picture(folder, tdint, option):
     assert settings["hardening"] == 0.0
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("option", [("--ductility", "2"), ("--strength", "0.1")])
 def test_a_record_of_zeros_is_drawn(folder, tdint, option):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
@@ -283,6 +286,7 @@ def test_a_record_of_zeros_is_drawn(folder, tdint, option):
     assert row["ductility"] == ("" if option[0] == "--ductility" else "0")
 
 
+@pytest.mark.usefixtures("drawn")
 def test_fourier_spectra(folder, tdint):
     """The function's numbers, its settings beside them; another unit, another smoothing."""
     fourier = ("spectrum", "motion.mseed", *UNITS, "--fourier")

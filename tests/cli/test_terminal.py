@@ -27,11 +27,9 @@ def shell(command: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_reader_that_goes_early_is_no_error(folder):
-    """Of many rows, in a shell's loop."""
-    law = "tdint law forced.yaml --drift $drift --points 2000"
-    done = shell(f"for drift in 1% 2%; do {law} | head -n 2; done")
+    done = shell("tdint law forced.yaml --drift 1% --points 2000 | head -n 2")
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 4
+    assert len(done.stdout.splitlines()) == 2
     assert "Broken" not in done.stderr and "Error" not in done.stderr
 
 
@@ -43,9 +41,9 @@ def test_the_files_are_written_though_the_reader_has_gone(folder):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-@pytest.mark.parametrize("words", ["run -h", "methods"])
-def test_help_goes_where_data_go(words):
-    full, closed = shell(f"tdint {words} > /dev/full"), shell(f"tdint {words} >&-")
+def test_help_goes_where_data_go():
+    """Data behind which there is no room: tests/faults/test_outputs.py."""
+    full, closed = shell("tdint run -h > /dev/full"), shell("tdint methods >&-")
     assert (full.returncode, closed.returncode) == (6, 6)
     assert full.stderr == "Error: standard output: cannot be written: No space left on device\n"
     assert closed.stderr == "Error: standard output is closed\n"

@@ -1,11 +1,13 @@
 """What READMEs take from the program is up to date: generated parts, sessions, the test command."""
 
 import re
+import shlex
 
 import pytest
 from click.testing import CliRunner
 
 import readmes
+from separate_streams import runner
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint_cli.main import cli
 
@@ -35,12 +37,24 @@ def sessions():
     return [pytest.param(one, marks=[pytest.mark.slow] * (one != readmes.README)) for one in paths]
 
 
+def run_here(line, folder, environment):
+    """As `readmes.shell`, of `tdint ... | FILTERS`: but for the filters in this process."""
+    command, _, filters = line.partition(" | ")
+    result = runner().invoke(cli, shlex.split(command)[1:], prog_name="tdint")
+    _, output, _ = readmes.shell(f"{{ {filters or 'cat'}; }} << 'END'\n{result.stdout}END", folder, environment)
+    return result.exit_code, output, re.sub("note: compiling .*\n", "", result.stderr)
+
+
+@pytest.mark.usefixtures("not_laid_out")
 @pytest.mark.parametrize("path", sessions(), ids=named)
-def test_sessions_print_what_they_show(path):
+def test_sessions_print_what_they_show(path, monkeypatch):
+    """Those of the first page in this process."""
+    run = run_here if path == readmes.README else readmes.shell
     for session in readmes.sessions(path.read_text()):
-        with readmes.checkout() as (folder, environment):
+        with readmes.checkout() as (folder, environment), monkeypatch.context() as patch:
+            patch.chdir(folder)
             for command, shown in session:
-                code, output, said = readmes.shell(command, folder, environment)
+                code, output, said = run(command, folder, environment)
                 assert code == 0, said
                 assert readmes.same(output + said, shown), f"{command}\n{output}{said}\n{AGAIN}"
 

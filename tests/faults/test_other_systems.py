@@ -56,14 +56,26 @@ records: {{files: ['{RECORDS}/near-fault.mseed'], units: m/s^2}}
 intensity: {{scales: [0.5, 1]}}
 """
 COMMANDS = [
-    ("run", CONFIGS / "ten-story.yaml"),
-    pytest.param(
-        ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"), marks=pytest.mark.slow
-    ),
     ("spectrum", RECORDS, "--units", "m/s^2", "--period", "0.5,1", "-o", "spectra/", "--jobs", "2"),
-    pytest.param(("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"), marks=pytest.mark.slow),
     ("campaign", "campaign.yaml", "-o", "campaign/", "--jobs", "1"),
+    ("run", CONFIGS / "ten-story.yaml"),
 ]
+SLOW = [
+    ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"),
+    ("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"),
+]
+ALL_OF = """
+import sys
+from tdint_cli.main import main
+
+for line in {lines!r}:
+    sys.argv = ["tdint", *line]
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code, line
+"""
+"""Commands one after the other in a process, which takes most of the time to begin."""
 
 
 @pytest.fixture
@@ -76,11 +88,9 @@ def elsewhere(tmp_path, monkeypatch):
     (tmp_path / "büro-β.yaml").write_text(model, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments, **environment):
+    def run(*words, **environment):
         environment = {**os.environ, "PYTHONPATH": "less", **environment}
-        return subprocess.run(
-            [sys.executable, "-m", "tdint", *map(str, arguments)], env=environment, capture_output=True
-        )
+        return subprocess.run([sys.executable, *words], env=environment, capture_output=True)
 
     return run
 
@@ -90,12 +100,11 @@ def printed_here(*arguments):
     return runner().invoke(cli, [*map(str, arguments)], prog_name="tdint").stdout_bytes
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(map(str, command[:2])))
-def test_a_command_needs_nothing_that_only_posix_has(elsewhere, command):
-    done = elsewhere(*command)
+@pytest.mark.parametrize("commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"])
+def test_commands_need_nothing_that_only_posix_has(elsewhere, commands):
+    done = elsewhere("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()
-    if "-o" not in command:
-        assert done.stdout == printed_here(*command)
+    assert done.stdout == b"".join(printed_here(*command) for command in commands if "-o" not in command)
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", pytest.param("ascii", marks=pytest.mark.slow)])
@@ -106,7 +115,7 @@ def test_a_command_needs_nothing_that_only_posix_has(elsewhere, command):
 )
 def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, command, code, encoding):
     """Words are shown as far as it can; data are UTF-8 everywhere."""
-    done = elsewhere(*command, PYTHONPATH="", PYTHONIOENCODING=encoding)
+    done = elsewhere("-m", "tdint", *command, PYTHONPATH="", PYTHONIOENCODING=encoding)
     assert (done.returncode, b"internal error" in done.stderr) == (code, False), done.stderr
     # Lines of a help are as long as what looks at it is wide.
     assert done.stdout.split() == printed_here(*command).split()

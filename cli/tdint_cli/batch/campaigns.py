@@ -140,14 +140,14 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
 
 @dataclass(frozen=True)
 class Profiles:
-    """Those of a store, found once for all that is made of them."""
+    """Demands over the height of the buildings of a store, found once for all that is drawn, written and judged."""
 
     store: Store
     request: SuiteRequest
 
     @cached_property
     def units(self) -> OutputUnits:
-        """Those of all that is written: what the command line names, or what the models agree on."""
+        """Of all files, runs.csv among them: what the command line names, or what the models agree on."""
         return self.request.output_units or self.store.output_units()
 
     @cached_property
@@ -312,8 +312,6 @@ MEASURES = "measures.csv"
 """Of the intensities of runs, for `tdint fragility`."""
 
 OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
-
-_FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
 
 
 def carry_out(
@@ -601,12 +599,13 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 
 
 def tell_outcomes(store: Store) -> None:
-    """How many runs failed, collapsed, were repeated or are not at rest."""
+    """How many runs failed, collapsed, were repeated, have no error or a corrected one, or are not at rest."""
+    from tdint.analysis.run.outcome import FAILED
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error
 
     statuses = store.statuses()
-    failed = {name: statuses[name] for name in _FAILED if name in statuses}
+    failed = {name: statuses[name] for name in FAILED if name in statuses}
     # What has no result must be seen; a collapse is a result, of which a line is enough.
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())

@@ -22,6 +22,7 @@ from tdint.units import (
     FORCE,
     LENGTH,
     MASS,
+    VELOCITY,
     OutputUnits,
     Units,
     parse_drift,
@@ -105,7 +106,7 @@ class OutputUnitsType(ListOf):
     """Units of the output, with commas between them."""
 
     def __init__(self) -> None:
-        super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *ACCELERATION)))
+        super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
         self.name = "units"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:

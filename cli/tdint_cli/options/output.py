@@ -140,7 +140,7 @@ units = option(
     metavar="UNIT,...",
     common=True,
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
-    "length, mass, acceleration: kip,in,g.",
+    "length, mass, velocity, acceleration: kip,in,g.",
 )
 report = option(
     "--report",

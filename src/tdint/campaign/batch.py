@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors, demand_values
 from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
+from tdint.analysis.run.outcome import NO_STEP, STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of
@@ -31,7 +31,7 @@ from tdint.ground_motion.record import JoinedRecord, Record
 # run, and one for each story if that is asked for
 
 REPEATS = 3
-"""How often a run that failed is repeated, each time with half of the step before."""
+"""How often a run that diverged or did not converge is repeated, each time with half of the step before."""
 
 
 @dataclass(frozen=True)
@@ -268,8 +268,6 @@ def _spread(items: Sequence[Item]) -> Iterator[Item]:
             parts += [part[:middle], part[middle + 1 :]]
 
 
-_REPEATED = ("not-converged", "diverged")
-
 _SAME = 1e-9  # steps that differ by less than about this part are the same
 
 
@@ -334,7 +332,7 @@ class Batch:
         jobs = [_Job(run, steps[run.motion]) for run in runs]
         # Without a step within the tolerance no run is worth its time; the rows tell why.
         if largest is None:
-            results.runs += [self._row(job, "not-within-tolerance") for job in jobs]
+            results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
         # What failed comes back with a finer step, until nothing is left to be repeated.
         while jobs:
@@ -408,8 +406,8 @@ class Batch:
         again = []
         for i, failure in outcomes.failures.items():
             job = jobs[i]
-            # A finer step may help what did not converge; of the others the failure is all that there is to tell.
-            if failure.status in _REPEATED and job.repeats < REPEATS:
+            # A refused step, beyond the method's limit, is told and not repeated.
+            if failure.finer_may_help and job.repeats < REPEATS:
                 again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
-from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.outcome import UNSTABLE, FailedRun
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.arrays import Array
@@ -28,7 +28,6 @@ from tdint.model.damage_states import DONE, FALLEN
 # (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and then look above the
 # capacity, where a building may stand again (structural resurrection).
 
-_UNSTABLE = "unstable-step"
 _OF_ROW = {
     "drift_ratio": "peak_drift_ratio",
     "acceleration": "peak_acceleration",
@@ -111,7 +110,7 @@ def run_level(batch: Batch, run: Run) -> RunRow:
         The step is beyond the method's limit.
     """
     (row,) = batch.results([run]).runs
-    if row.status == _UNSTABLE:  # No level mends that; said as a single run says it.
+    if row.status == UNSTABLE:  # No level mends that; said as a single run says it.
         case = batch.subject.case(batch.motions.records[run.motion])
         case.march(case.steps(batch.settings.dt, batch.settings.duration))
     return row

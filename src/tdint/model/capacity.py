@@ -74,7 +74,10 @@ class CapacityCurve:
 
     @property
     def yielding(self) -> float:
-        """Displacement of its yielding, m: of three or four points the second, of two the first."""
+        """Displacement from which damage is counted, m: of three or four points the second, of two the first.
+
+        The stories of a model yield at the first point (`CapacityBuilding.stories`).
+        """
         return self.displacement[0 if len(self.displacement) == 2 else 1]
 
 
@@ -159,7 +162,7 @@ class CapacityBuilding:
         stories = []
         rows = zip(self.mass.tolist(), self.height.tolist(), self.drifts.tolist(), self.forces.tolist(), strict=True)
         for mass, height, drifts, forces in rows:
-            # Both directions are alike; beyond the last point a story carries nothing.
+            # It yields at the first point. Both directions are alike; beyond the last point a story carries nothing.
             side = [number for point in zip(drifts, forces, strict=True) for number in point]
             parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
             stories.append(Story(mass, height, forces[0] / drifts[0], Law("multilinear-pinching", parameters), 0.0))
@@ -189,7 +192,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     # Four points, which is what the law of the stories has.
     points = np.array(four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
-    forces = effective * GRAVITY * np.outer(above, points[:, 1])
+    forces = effective * GRAVITY * np.outer(above, points[:, 1])  # as all that follows, per kg of the building
     # The published program brings forces to the period of the curve by one more factor.
     if facts.as_published and n > 1:
         lowest = solve_modes(shares, above, links).omega[0] ** 2

@@ -1,4 +1,4 @@
-"""Drift laws of stories from curves of shear over drift, as a pushover of another program has them."""
+"""A first model file as text, and drift laws of stories from curves of shear over drift, which it may have."""
 
 from __future__ import annotations
 

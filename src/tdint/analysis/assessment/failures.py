@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.analysis.run.outcome import FailedRun, History
+from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.arrays import Array
@@ -369,7 +369,7 @@ _DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
 _MORE = {"impulse4": _DISSIPATIVE, "moment4": _DISSIPATIVE, "wilson": ("theta=1.3",)}
 """Members that show what their method's default does not: dissipation, and theta below its limit."""
 
-_ENDS = {"diverged": BLOWS_UP, "not-converged": NO_CONVERGENCE}
+_ENDS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
 
 
 @dataclass(frozen=True)
@@ -480,7 +480,7 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, steps: int
     if integrator.family.linear_only and not prepared.building.linear:
         return without
     # A run that is refused names the largest stable step, which takes longer than most runs: it is asked for before.
-    outcome = "done" if prepared.instability(integrator, dt) is None else "unstable-step"
+    outcome = "done" if prepared.instability(integrator, dt) is None else UNSTABLE
     ended = _run(integrator, problem, dt, steps, allow_unstable=outcome != "done")
     if outcome == "done" and isinstance(ended, FailedRun):
         outcome = ended.status

@@ -15,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import (
+    DIVERGED,
     ENERGY_TERMS,
+    NOT_CONVERGED,
+    UNSTABLE,
     Collapse,
     Energy,
     EnergyHistory,
@@ -387,7 +390,7 @@ class Case:
                 f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} "
                 f"rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
             )
-            raise FailedRun(message, "unstable-step", self.method.label, h, largest_stable_dt=stable)
+            raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
         # A run that fails after a collapse is made again up to that.
         marched = self._integrate(steps, history)
         collapse = self.judge(steps, marched.code, marched.space.totals)
@@ -430,7 +433,7 @@ class Case:
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
             f"balance by {residual:.1e} of its forces"
         )
-        return self._failed(steps, "not-converged", event, time=reached, story=story, residual=residual)
+        return self._failed(steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual)
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy of the motion relative to the ground there, J;
@@ -442,7 +445,7 @@ class Case:
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
         event = f"diverged after {reached:.6g} s: {reason}{size}"
-        return self._failed(steps, "diverged", event, time=reached, story=story, energy=energy)
+        return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
 
     def _failed(self, steps: Steps, status: str, event: str, **told: Any) -> FailedRun:
         """That a run ended before its time: how, in words and in numbers."""
@@ -468,8 +471,8 @@ class Case:
         taken, story = int(numbers[at.COLLAPSE_STEP]), int(numbers[at.COLLAPSE_STORY]) + 1
         failed, energy = bool(numbers[at.COLLAPSE_FAILED]), energy_of(numbers[at.COLLAPSE_ENERGIES :])
         time, made = taken * steps.h, -energy.error
-        by_method = made < _MADE and taken > 0
-        if by_method or (code == 0 and (taken == 0 or self.allow_unstable)):
+        its_own = made < _MADE and taken > 0
+        if its_own or (code == 0 and (taken == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
             return None
@@ -478,8 +481,10 @@ class Case:
         raise self._diverged(steps, time, energy.kinetic, reason, story)
 
     def settle(self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False) -> Collapse | Response:
-        """What the i-th run of many is, which is this one, if that is in doubt (`doubtful`): a collapse, or as far as
-        the many came, and through the step in which it failed, run by itself.
+        """This run, which is the i-th of many that were marched together, where its end is in doubt (`doubtful`).
+
+        A collapse is judged from what the many left. Else the run is made again by itself: as far as the many came,
+        and through the step in which it failed.
 
         Raises
         ------
@@ -491,8 +496,8 @@ class Case:
         at_its_end = code == 0 and -energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY
         if at_its_end and (collapse := self.judge(steps, code, totals)):
             return collapse
-        most = max(taken, int(totals[at.STEPS_REACHED]) + 1)
-        return self.march(replace(steps, count=max(most, steps.count)), history)
+        reached = max(taken, int(totals[at.STEPS_REACHED]) + 1)
+        return self.march(replace(steps, count=max(reached, steps.count)), history)
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space

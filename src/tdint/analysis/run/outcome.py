@@ -471,6 +471,12 @@ class Response(Tabular):
         )
 
 
+DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
+UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
+FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
+"""How runs end that have no result."""
+
+
 @dataclass(eq=False, repr=False)
 class FailedRun(AnalysisError):
     """A run without a result: it ended before its time, or was refused.
@@ -510,3 +516,8 @@ class FailedRun(AnalysisError):
 
     def __post_init__(self) -> None:
         super().__init__(self.message)
+
+    @property
+    def finer_may_help(self) -> bool:
+        """Whether the same run with a finer step may come to its end."""
+        return self.status in (DIVERGED, NOT_CONVERGED)

@@ -19,7 +19,7 @@ import numpy as np
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, told_by_finer, with_check
-from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
+from tdint.analysis.run.outcome import NO_STEP, FailedRun, Response, StepChoice
 from tdint.analysis.run.workspace import MOST_STEPS, Bound, Steps, choose_steps, finer
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.arrays import Array
@@ -268,7 +268,7 @@ class _Search:
             f"{label} does not come within {100.0 * self.tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
             "allow a larger tolerance or use a method of higher order, such as impulse4"
         )
-        raise FailedRun(message, "not-within-tolerance", label, response.dt, story=check.drift_story)
+        raise FailedRun(message, NO_STEP, label, response.dt, story=check.drift_story)
 
     def coarser(self, power: float) -> int:
         """Go on to larger steps, up to 2^power sampling intervals, while they are within the tolerance. The level."""

@@ -15,15 +15,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.case import Case, doubtful, until_rest, windows
+from tdint.analysis.run.case import Case, doubtful, energy_errors, peaks_of, until_rest, windows
 from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.run import Subject
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
-from tdint.kernels.march import march as many
+from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
 from tdint.model.building import Building, DrawnBuildings
 
 RunOfMotion = tuple[int, float, Steps]
@@ -48,7 +47,7 @@ class Outcomes:
     responses : mapping of int to Response
         The runs that were made by themselves, by their places: with errors and history, if these were asked for.
     collapses, failures : mapping of int to Collapse and to FailedRun
-        How the others ended that are not `done`.
+        How runs ended that are not `done`; one that went on after its collapse is among the responses, too.
     """
 
     stories: StoryPeaks
@@ -62,11 +61,11 @@ class Outcomes:
     @classmethod
     def of(cls, building: Building, marched: MarchedRuns, to_rest: bool) -> Outcomes:
         """As a compiled call left them; where each run has its own building, its arrays have the runs first."""
-        waited = marched.ends[:, many.AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
+        waited = marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
         return cls(
-            run_totals.peaks_of(building, marched.peaks, marched.drifts),
-            run_totals.energy_errors(marched.totals),
-            marched.ends[:, many.STEPS_TAKEN].astype(int),
+            peaks_of(building, marched.peaks, marched.drifts),
+            energy_errors(marched.totals),
+            marched.ends[:, STEPS_TAKEN].astype(int),
             waited,
         )
 
@@ -182,7 +181,7 @@ def run_drawn(
 
 def _judged(case: Case, steps: Steps, marched: MarchedRuns, i: int, *, to_rest: bool, history: bool) -> Settled:
     """A run that the compiled call of all has left for its own case to judge."""
-    return case.settle(steps, marched, i, history), int(marched.ends[i, many.AT_REST]) if to_rest else None
+    return case.settle(steps, marched, i, history), int(marched.ends[i, AT_REST]) if to_rest else None
 
 
 def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool) -> Settled:

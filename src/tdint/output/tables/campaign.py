@@ -29,6 +29,7 @@ from tdint.output.tables.table import (
     Column,
     Table,
     cell_text,
+    converted,
     corrected_columns,
     error_columns,
     harmless,
@@ -372,13 +373,8 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
     headed = [units.column(column.name, column.unit) for column in columns]
     waiting = iter([[harmless(name) for name, _ in headed]])
     if units != SI:
-        rows = (
-            [
-                cell / factor if factor != 1.0 and isinstance(cell, float) else cell
-                for cell, (_, factor) in zip(row, headed, strict=True)
-            ]
-            for row in rows
-        )
+        factors = [factor for _, factor in headed]
+        rows = ([converted(cell, factor) for cell, factor in zip(row, factors, strict=True)] for row in rows)
     # Formatted a batch at a time: a campaign may have more rows than memory holds.
     source = iter(rows)
     while True:
