@@ -105,15 +105,14 @@ class OscillatorResponse:
         return np.array([u, v, self.omega**2 * u + 2.0 * self.xi * self.omega * v])
 
 
-def smooth(acceleration, u0, v0, times):
-    """u'' = acceleration(t, u, v) of one degree of freedom by DOP853 at 1e-13; displacement and velocity at `times`."""
+def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
+    """u'' = acceleration(t, u, v) of one degree of freedom by DOP853; displacement and velocity at `times`."""
+    tolerances = {"rtol": rtol, "atol": 1e-2 * rtol, "max_step": max_step}
 
     def rate(t, y):
         return [y[1], acceleration(t, y[0], y[1])]
 
-    solution = solve_ivp(
-        rate, (times[0], times[-1]), [u0, v0], method="DOP853", t_eval=times, rtol=1e-13, atol=1e-15, max_step=0.02
-    )
+    solution = solve_ivp(rate, (times[0], times[-1]), [u0, v0], method="DOP853", t_eval=times, **tolerances)
     assert solution.success
     return solution.y
 

@@ -1,11 +1,12 @@
-"""A kernel with what kernels call, and a run of its object for another system on Linux: python FILE macos|windows.
+"""A run of a kernel's object for another system on Linux: python FILE macos|windows, with its object for this machine,
+the other one and the symbol of both, pickled, on the standard input.
 
 LLVM loads objects of all systems. Those of macOS follow Linux's convention of calls, those of Windows one of their own,
 which a function of LLVM's on either side turns into the other: around the kernel, and around each function of the
 library that it calls.
 """
 
-import math
+import pickle
 import sys
 
 import llvmlite.binding as llvm
@@ -13,25 +14,10 @@ import numpy as np
 
 from tdint.kernels.building import loading
 from tdint.kernels.building.compilable import F8, I8, ArrayOf, Scalar
-from tdint.kernels.building.compiler import local, objects_of
-from tdint.kernels.building.target import machine, named, native
+from tdint.kernels.building.target import machine, named
 
 SIGNATURE = F8(ArrayOf(1), ArrayOf(2), I8, ArrayOf(1), F8)
 LIBRARY = {"exp": 1, "exp2": 1, "sin": 1, "cos": 1, "tanh": 1, "pow": 2, "log1p": 1}
-
-
-def weighed(x, table, row, out, factor):
-    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a page of memory."""
-    kept = local(3000)
-    for i in range(kept.size):
-        kept[i] = i
-    for i in range(out.size):
-        out[i] = 0.0
-    total = 0.0
-    for i in range(x.size):
-        out[i] += math.exp(x[i]) + math.sin(x[i]) * math.cos(x[i]) + math.tanh(x[i]) + x[i] ** 1.7 + math.log1p(x[i])
-        total += factor * out[i] * table[row, i]
-    return total + kept[row] + kept[2999]
 
 
 def around_the_library(convention: str) -> str:
@@ -85,7 +71,7 @@ def main() -> None:
     system = sys.argv[1]
     target = named(f"{system}-x86-64-v2")
     convention = "win64cc" if system == "windows" else "ccc"
-    (own, foreign), symbol = objects_of(weighed, SIGNATURE, [native(), target])
+    own, foreign, symbol = pickle.load(sys.stdin.buffer)
     arguments = np.linspace(0.1, 2.0, 7), np.arange(14.0).reshape(2, 7), 1, np.ones(7), 0.5
     print(loading.Loaded(own, symbol, SIGNATURE)(*arguments))
 

@@ -266,7 +266,6 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
         assert float(back[column]) == pytest.approx(float(found[column]), rel=1e-8)
 
 
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
 def test_files_and_picture(folder, tdint, option):
     tdint("spectrum", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)

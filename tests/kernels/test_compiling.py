@@ -58,11 +58,6 @@ def printed(process):
     return output
 
 
-def python(code, folder, **environment):
-    """What a program prints; kernels in it may be found in `folder`."""
-    return printed(started(code, folder, **environment))
-
-
 @pytest.fixture
 def small(tmp_path):
     """A folder with a module of one small kernel."""
@@ -79,10 +74,10 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
-    """By one of three processes that want it at once: the others wait, unless they come when it is done."""
-    cache, computed = {"TDINT_CACHE_DIR": str(small / "cache")}, ["24.0", "24.0", "False"]
-    said = [printed(process).splitlines() for process in [started(CALL, small, **cache) for _ in range(3)]]
-    assert all(lines[-3:] == computed for lines in said)
+    """By one of two processes that want it at once: the other waits, unless it comes when it is done."""
+    running = [started(CALL, small, TDINT_CACHE_DIR=str(small / "cache")) for _ in range(2)]
+    said = [printed(process).splitlines() for process in running]
+    assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
     (told,) = (line for lines in said for line in lines if line.startswith("compiling"))
     assert told.startswith("compiling 1 time loop for this machine, once, about 5 s: small (kept in ")
     (file,) = (small / "cache").rglob("*.object")
@@ -90,51 +85,93 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     code, about = unpack(whole)
     assert code[1:4] == b"ELF" or sys.platform != "linux"
     assert about["kernel"] == "small:scaled"
-    # A folder that is named is taken as it is, and not written.
-    shared = {"TDINT_KERNELS_DIR": str(small / "cache"), "TDINT_CACHE_DIR": str(small / "other")}
-    assert python(CALL, small, **shared).splitlines() == computed
-    assert not (small / "other").exists()
-    # An object that is cut off is compiled anew.
-    file.write_bytes(whole[:-100])
-    assert python(CALL, small, **cache).splitlines()[1:] == computed
-    unpack(file.read_bytes())
-    assert not list((small / "cache").rglob("*.part"))
+
+
+WANTED = [(scaled, EVERYTHING), (scaled, Variant(("linear",)))]  # the same: the kernel does not go by the laws
+
+
+def file_for(target):
+    """The name of its object for a processor."""
+    return store.file_name(scaled.name, EVERYTHING.text, named(target))
+
+
+@pytest.fixture(scope="module")
+def ahead(tmp_path_factory):
+    """A folder of objects of the small kernel for two processors."""
+    folder, done = tmp_path_factory.mktemp("ahead") / "objects", []
+    files = compile_ahead(WANTED, ["native", "x86-64-v2"], folder, done.append)
+    assert sorted(file.name for file in files) == sorted(map(file_for, ("native", "x86-64-v2")))
+    assert done == [0.5, 1.0]
+    return folder
+
+
+def computed():
+    """What the small kernel gives, loaded anew."""
+    return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
+
+
+def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_anew(cache, ahead, monkeypatch, caplog):
+    (made,) = ahead.rglob(file_for("native"))
+    compiled = []
+
+    def run_all(compilations):
+        compiled.extend(compilations)
+        return ((compilation, [made.read_bytes()]) for compilation in compilations)
+
+    monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
+    caplog.set_level("INFO", "tdint")
+    (cache / "file").write_text("")
+    for place, said in ((cache / "file", "not kept: "), (cache / "folder", "kept in ")):
+        monkeypatch.setenv("TDINT_CACHE_DIR", str(place))
+        assert computed() == 24.0
+        assert said in caplog.messages[-1]
+    (file,) = (cache / "folder").rglob("*.object")
+    file.write_bytes(made.read_bytes()[:-100])
+    assert computed() == computed() == 24.0
+    assert len(compiled) == len(caplog.messages) == 3
+    assert file.read_bytes() == made.read_bytes()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
-def test_where_no_more_can_be_written_the_kernel_runs_from_memory(small):
+def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeypatch, caplog):
     """A disk that is full when the object is written, and not before: no file may grow beyond 100 bytes."""
-    limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
-    output = python(limit + CALL, small, TDINT_CACHE_DIR=str(small / "cache"), PYTHONDONTWRITEBYTECODE="1")
-    first, second, *rest = output.splitlines()
+    import resource
+
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    caplog.set_level("INFO", "tdint")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        assert computed() == 24.0
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    first, second = caplog.messages
     assert "(kept in " in first
     assert second.endswith("cannot be written: what was compiled serves this run only")
-    assert rest == ["24.0", "24.0", "False"]
-    assert not list((small / "cache").rglob("*.object")) + list((small / "cache").rglob("*.part"))
+    assert not list(cache.rglob("*.object")) + list(cache.rglob("*.part"))
 
 
-def test_kernels_compiled_ahead_for_several_processors(small, monkeypatch):
-    folder, done = small / "ahead", []
-    wanted = [(scaled, EVERYTHING), (scaled, Variant(("linear",)))]  # the same: the kernel does not go by the laws
-    files = compile_ahead(wanted, ["native", "x86-64-v2"], folder, done.append)
-    names = [store.file_name(scaled.name, EVERYTHING.text, named(target)) for target in ("native", "x86-64-v2")]
-    assert sorted(file.name for file in files) == sorted(names)
-    assert done == [0.5, 1.0]
-    assert compile_ahead(wanted, ["native"], folder, done.append) == []
+def test_kernels_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypatch):
+    folder = shutil.copytree(ahead, tmp_path / "ahead")
+    assert compile_ahead(WANTED, ["native"], folder, print) == []
     # Where kernels are kept: copied there once, then there.
-    monkeypatch.setenv("TDINT_CACHE_DIR", str(small / "cache"))
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
-    (kept,) = compile_ahead(wanted, ["native"], None, done.append)
-    assert kept.is_relative_to(small / "cache")
-    assert compile_ahead(wanted, ["native"], None, done.append) == []
-    monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
+    (kept,) = compile_ahead(WANTED, ["native"], None, lambda done: None)
+    assert kept.is_relative_to(tmp_path / "cache")
+    assert compile_ahead(WANTED, ["native"], None, print) == []
+    # A folder that is named is taken as it is; the object for other processors does as well.
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "other"))
+    assert computed() == 24.0
     if named("x86-64-v2") in runnable():
-        (folder / files[0].parent.name / names[0]).unlink()
-    obtain([(scaled, EVERYTHING)])  # the object for other processors does as well
-    assert scaled.compiled(np.array([1.0, 3.0]), 4.0) == 24.0
-    assert not store.has(scaled.name, EVERYTHING.text, native(), folder)
+        next(folder.rglob(file_for("native"))).unlink()
+        assert computed() == 24.0
+        assert not store.has(scaled.name, EVERYTHING.text, native(), folder)
+    assert not (tmp_path / "other").exists()
+    (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        compile_ahead(wanted, ["native"], small / "small.py", done.append)
+        compile_ahead(WANTED, ["native"], tmp_path / "file", print)
 
 
 def test_what_a_run_needs_is_compiled_and_no_more():
@@ -256,16 +293,9 @@ def test_a_damaged_object_is_not_loaded(cache, harm):
         assert store.look_up("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
 
 
-def test_a_folder_that_cannot_be_written_costs_only_time(small):
-    (small / "file").write_text("")
-    output = python(CALL, small, TDINT_CACHE_DIR=str(small / "file"))
-    assert "not kept" in output
-    assert output.count("24.0") == 2
-
-
 def test_kernels_can_be_run_as_they_are_written(cache, monkeypatch):
     monkeypatch.setenv("TDINT_KERNELS", "python")
-    assert Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0) == 24.0
+    assert computed() == 24.0
     assert not list(cache.iterdir())
 
 
@@ -376,8 +406,7 @@ def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypat
 
 def test_why_a_kernel_of_another_module_cannot_be_compiled():
     """What numba says behind its heading, and the last line of the module's own file that it names."""
-    kernel = SimpleNamespace(name="small_kernel:scaled", function=started, parts=())
-    wanted = Compilation(kernel, EVERYTHING, {})
+    wanted = Compilation(SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {})
     own = wanted.request[1]
     name = Path(own).name
     text = [
@@ -390,7 +419,7 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
     assert wanted.reason(["NameError", "name 'nowhere' is not defined"]) == f"{own}: name 'nowhere' is not defined"
     assert wanted.reason(["one line"]) == f"{own}: one line"
     assert wanted.reason([]) == ""
-    package = Compilation(SimpleNamespace(name="a:b", function=of_model, parts=()), EVERYTHING, {})
+    package = Compilation(SimpleNamespace(name="a:b", function=follow.function, parts=()), EVERYTHING, {})
     assert package.request == ("a:b", None)
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
 

@@ -1,6 +1,8 @@
 """Objects for other systems: what they leave open, and that they compute the same where this machine can run them."""
 
 import importlib.util
+import math
+import pickle
 import platform
 import subprocess
 import sys
@@ -9,11 +11,11 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import pytest
 
-from small_foreign_kernel import SIGNATURE, weighed
+from small_foreign_kernel import SIGNATURE
 from tdint.errors import UsageError
 from tdint.kernels.building import target
-from tdint.kernels.building.compiler import objects_of
-from tdint.kernels.building.target import AARCH64, LEVELS, named
+from tdint.kernels.building.compiler import local, objects_of
+from tdint.kernels.building.target import AARCH64, LEVELS, named, native
 from tdint_cli.commands.compile import TARGETS
 
 TESTS = Path(__file__).parents[1]
@@ -30,12 +32,30 @@ def checks():
     return module
 
 
+def weighed(x, table, row, out, factor):
+    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a page of memory."""
+    kept = local(3000)
+    for i in range(kept.size):
+        kept[i] = i
+    for i in range(out.size):
+        out[i] = 0.0
+    total = 0.0
+    for i in range(x.size):
+        out[i] += math.exp(x[i]) + math.sin(x[i]) * math.cos(x[i]) + math.tanh(x[i]) + x[i] ** 1.7 + math.log1p(x[i])
+        total += factor * out[i] * table[row, i]
+    return total + kept[row] + kept[2999]
+
+
 @pytest.fixture(scope="module")
-def objects():
-    """A kernel for each of NAMES."""
-    targets = [named(name) for name in NAMES]
-    codes, _ = objects_of(weighed, SIGNATURE, targets)
-    return {name: (code, target) for name, code, target in zip(NAMES, codes, targets, strict=True)}
+def compiled():
+    """A kernel with what kernels call for this machine and for each of NAMES, and the symbol of all."""
+    return objects_of(weighed, SIGNATURE, [native(), *map(named, NAMES)])
+
+
+@pytest.fixture(scope="module")
+def objects(compiled):
+    """The object and the target of each of NAMES."""
+    return {name: (code, named(name)) for name, code in zip(NAMES, compiled[0][1:], strict=True)}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -64,12 +84,12 @@ def test_what_no_library_has_is_refused(monkeypatch, objects):
 @pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="runs them on Linux on Intel")
 @pytest.mark.skipif(llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types")
 @pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
-def test_an_object_of_another_system_computes_the_same(system):
+def test_an_object_of_another_system_computes_the_same(compiled, objects, system):
     """By the other's convention of calls, with functions of this machine's library behind it."""
-    done = subprocess.run(
-        [sys.executable, TESTS / "small_foreign_kernel.py", system], capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
+    given = pickle.dumps((compiled[0][0], objects[f"{system}-x86-64-v2"][0], compiled[1]))
+    command = [sys.executable, TESTS / "small_foreign_kernel.py", system]
+    done = subprocess.run(command, input=given, capture_output=True, timeout=300)
+    assert done.returncode == 0, done.stderr.decode()
     here, there = map(float, done.stdout.split())
     assert here == there
     assert abs(here) > 1.0

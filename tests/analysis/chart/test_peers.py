@@ -32,7 +32,7 @@ def dashpots():
 def forced():
     stories = [story(10.0, 800.0, dashpot=5.0), story(8.0, 600.0, dashpot=4.0)]
     forces = [Force(2, 5.0, 2.0, 6.0), Force(1, 1.0, 0.0, 0.0)]
-    return model(stories, forces=forces, velocity=(0.1, -0.2), dt=0.02, duration=4.0)
+    return model(stories, forces=forces, velocity=(0.1, -0.2), dt=0.02, duration=2.0)
 
 
 PROBLEMS = {

@@ -42,7 +42,7 @@ def test_one_story_is_its_backbone():
     """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per unit of drift."""
     heavy = 0.01 * 3.0 / STANDARD_GRAVITY
     case = model([story(heavy, 1.0, softening(1.0, 1.0), height=3.0)], p_delta=True)
-    result = pushover(case, parse_drift("20m"), points=200)
+    result = pushover(case, parse_drift("20m"), points=60)
     x = result.roof_displacement
     fall = 1.1 - 1.1 / 8.0 * (x - 5.0)
     backbone = np.minimum(np.minimum(x, 1.0 + 0.025 * (x - 1.0)), np.maximum(fall, 0.1))
@@ -53,7 +53,7 @@ def test_one_story_is_its_backbone():
     assert result.roof_at_largest == pytest.approx(5.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("points", [7, 10, 50])
+@pytest.mark.parametrize("points", [7, 10, 23])
 def test_the_largest_base_shear_is_that_of_the_path(points):
     """1.1 at the cap, a drift of 5, wherever the rows lie: its own row or none."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0)])
@@ -84,7 +84,7 @@ def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
     of its drift where k, hardening a k beyond yield and P-delta -g leave nothing."""
     k, a, strength, weight = 1e8, 0.03, 5e6, 2e6
     stories = [story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0) for _ in range(40)]
-    result = pushover(model(stories, p_delta=True), parse_drift("2%"), pattern="uniform", points=60)
+    result = pushover(model(stories, p_delta=True), parse_drift("2%"), pattern="uniform", points=30)
     fall = 40.0 * weight / 3.0
     assert result.ended == "the building carries nothing any more"
     assert result.drift[-1, 0] == pytest.approx((1.0 - a) * strength / (fall - a * k), rel=1e-8)

@@ -11,7 +11,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.units import STANDARD_GRAVITY as G
 
 EC8 = "ec8:type=1,soil=C,ag=0.25g"
-POINTS = 40  # of a curve: the corners between them are found, so that more change nothing
+POINTS = 15  # of a curve: the corners between them are found, so that more change nothing
 
 
 def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
