@@ -1,5 +1,7 @@
 """Small models and records, and a way to run the command in this process."""
 
+import functools
+import io
 import os
 import re
 import subprocess
@@ -60,8 +62,14 @@ def write_folder(folder: Path) -> Path:
     return folder
 
 
-def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False) -> None:
-    """Write a decaying sine as MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
+def write_record(file: str | Path, *channels: str, **shape: Any) -> None:
+    """Write a decaying sine as MiniSEED."""
+    Path(file).write_bytes(decaying_sine(*channels, **shape))
+
+
+@functools.cache
+def decaying_sine(*channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False) -> bytes:
+    """MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
     with quiet_import():
         from obspy import Stream, Trace
 
@@ -71,7 +79,9 @@ def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 3
     data = (1000.0 * wave).astype(np.int32) if integer else wave
     header: dict[str, Any] = {"network": "TD", "station": "TEST", "delta": 0.01}
     traces = [Trace(data * (i + 1), {**header, "channel": channel}) for i, channel in enumerate(channels)]
-    Stream(traces).write(str(file), format="MSEED")
+    stream = io.BytesIO()
+    Stream(traces).write(stream, format="MSEED")
+    return stream.getvalue()
 
 
 def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> Path:

@@ -103,6 +103,7 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Command
     levels = ida(model, [record], pga(), IdaSettings(max_im=2.0 * record.pga, check=True), method="moment4")
     scales = sorted(run.scale for run in levels.curves[0].runs)
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"), ("[0.25, 1, 2.5]", repr(scales)))
+    change("study.yaml", (", stiff.yaml]", "]"), (", other.mseed]", "]"))
     tdint("campaign", "study.yaml", "-o", "checked", code=0)
     table = [
         row
@@ -129,7 +130,7 @@ def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> Non
     def there() -> dict[str, str]:
         return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in ("shaken.yaml", "stiff.yaml")}
 
-    change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"))
+    change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"), ("0.25, 1, 2.5", "1"))
     tdint("campaign", "study.yaml", "-o", "varied", code=0)
     before = told()
     assert before == there()
@@ -358,7 +359,7 @@ def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> 
 def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Command) -> None:
     """One step for all runs of a building; with several jobs, too. `tdint run` chooses no smaller one for a run that
     has been looked at."""
-    change("study.yaml", ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"))
+    change("study.yaml", ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"), ("0.25, 1, 2.5", "1"))
     tdint("campaign", "study.yaml", "-o", "steps", "--jobs", "2", code=0)
     steps = {(row["building"], row["dt_s"]) for row in rows("steps/runs.csv")}
     assert len(steps) == 2 and min(float(dt) for _, dt in steps) < 0.01

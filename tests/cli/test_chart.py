@@ -20,11 +20,21 @@ COLUMNS = (
     "method,dt_s,steps,iterations,time_s,time_min_s,displacement_error,drift_error,peak_drift_error,"
     "absolute_acceleration_error,outcome,velocity_error"
 )
-QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
+QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_table_words_and_files(folder, tdint):
+@pytest.fixture(scope="module")
+def references(tmp_path_factory):
+    return tmp_path_factory.mktemp("references")
+
+
+@pytest.fixture(autouse=True)
+def kept_here(monkeypatch, references):
+    """References are kept for the tests of this file: many are of one building under one motion."""
+    monkeypatch.setattr(problem, "cache_folder", lambda: references)
+
+
+def test_table_words_and_files(folder, tdint, drawn):
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
     assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "x.csv").read_text().splitlines()[0] == COLUMNS
@@ -123,16 +133,15 @@ def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
 
 
 def test_the_default_methods(folder, tdint):
-    words = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--duration", "1")
+    words = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--duration", "1")
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
     assert [(row["method"], row["dt_s"]) for row in rows(tdint(*words, code=0).stdout)] == [
         (label, dt) for label in labels for dt in ("0.08", "0.04")
     ]
 
 
-@pytest.mark.usefixtures("drawn")
 def test_unstable_steps_stay_in_the_table(folder, tdint):
-    words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--no-cache", "--plot", "x.svg")
+    words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--plot", "x.svg")
     result = tdint("chart", "shaken.yaml", *words, code=0)
     first, second = rows(result.stdout)
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
@@ -154,9 +163,8 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
 
 
-@pytest.mark.usefixtures("drawn")
-def test_over_the_number_of_stories(folder, tdint):
-    words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--no-cache", "--duration", "1")
+def test_over_the_number_of_stories(folder, tdint, drawn):
+    words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
     result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
     text = (folder / "x.csv").read_text()
     assert text.splitlines()[0] == f"stories,{COLUMNS}"
@@ -184,12 +192,12 @@ def test_peers_in_the_chart(folder, tdint, monkeypatch):
 
 def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
     monkeypatch.setattr(problem, "cache_folder", lambda: folder)
-    first = tdint("chart", "shaken.yaml", *QUICK[:-1], code=0)
+    first = tdint("chart", "shaken.yaml", *QUICK, code=0)
     assert len(list((folder / "references").iterdir())) == 1
     monkeypatch.setattr(problem, "_solve", None)
-    second = tdint("chart", "shaken.yaml", *QUICK[:-1], code=0)
+    second = tdint("chart", "shaken.yaml", *QUICK, code=0)
     assert first.stderr.splitlines()[0] == second.stderr.splitlines()[0]
-    tdint("chart", "shaken.yaml", *QUICK, code=1)  # --no-cache solves again
+    tdint("chart", "shaken.yaml", *QUICK, "--no-cache", code=1)  # solves again
 
 
 def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
@@ -266,8 +274,7 @@ problems:
 LINES = ("--method", "newmark-average,impulse4")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_profiles_of_several_motions(folder, tdint, make_record):
+def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(
         "chart", "shaken.yaml", "--record", "motion.mseed", "--record", "other.mseed", "--component", "HNE", *LINES,

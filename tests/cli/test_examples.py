@@ -22,9 +22,8 @@ FILES = {
 }
 
 
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("numbers", ["1", pytest.param("1 2 3", marks=pytest.mark.slow)])
-def test_examples_with_their_figures(here, tdint, numbers):
+def test_examples_with_their_figures(here, tdint, numbers, drawn):
     asked = numbers.split()
     result = tdint("examples", *asked, "-o", "paper", code=0)
     assert result.stdout.splitlines()[0] == COLUMNS

@@ -33,7 +33,7 @@ GOES_ON = {"campaign", "ida", "runs", "merge"}
 WRITING = {
     "init": ("init new.yaml --period 0.5", "new.yaml"),
     "run": (
-        "run shaken.yaml MOTION -o out --history --plot --floor-spectra roof",
+        "run shaken.yaml MOTION -o out --history --plot --floor-spectra roof --period 1",
         "out/stories.csv out/summary.json out/history.csv out/response.png out/floor-spectra.csv",
     ),
     "histories": ("run shaken.yaml MOTION --history=h.csv.gz --plot=p.svg", "h.csv.gz p.svg"),
@@ -53,17 +53,20 @@ WRITING = {
     "merge": ("campaign merge part -o out", "out/runs.csv out/stories.csv out/summary.json"),
     "scale": ("scale motion.mseed UNITS --pga 0.4g -o f.csv --plot", "f.csv f.json f.png"),
     "ida": (
-        "ida shaken.yaml MOTION --precision 40% -o out --plot",
+        "ida shaken.yaml MOTION --precision 40% --max-im 1g -o out --plot",
         "out/ida.csv out/capacities.csv out/ida.json out/ida.png",
     ),
     "sensitivity": ("sensitivity shaken.yaml MOTION --vary mass_factor=0.9:1.1 -o s.csv --plot", "s.csv s.png"),
     "fragility": ("fragility stripes.csv -o f.csv --plot", "f.csv f.png"),
     "stability": ("stability --method wilson --dt-over-t 0.1:1:3 -o s.csv --plot", "s.csv s.png"),
-    "overshoot": ("overshoot --method wilson -o s.csv --plot", "s.csv s.png"),
+    "overshoot": ("overshoot --method wilson --steps 3 -o s.csv --plot", "s.csv s.png"),
     "order": ("order --method newmark-average --load free -o o.csv --plot", "o.csv o.png"),
     "failures": ("failures --problem stiff-node --method newmark-average -o f.csv --plot", "f.csv f.png"),
     "examples": ("examples 1 --method newmark-average -o out", "out/example-1-errors.csv out/figure-07.png"),
-    "chart": ("chart shaken.yaml --method newmark-average --dt 0.02 --repeat 1 -o c.csv --plot", "c.csv c.png c.json"),
+    "chart": (
+        "chart shaken.yaml --method newmark-average --dt 0.02 --repeat 1 --duration 1 -o c.csv --plot",
+        "c.csv c.png c.json",
+    ),
     "validate": ("validate -o v.csv", "v.csv"),
 }
 """Of each command that writes a call, and the files that come of it."""

@@ -43,7 +43,7 @@ def test_the_files_are_written_though_the_reader_has_gone(folder):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_help_goes_where_data_go():
     """Data behind which there is no room: tests/faults/test_outputs.py."""
-    full, closed = shell("tdint run -h > /dev/full"), shell("tdint methods >&-")
+    full, closed = shell("tdint run -h > /dev/full"), shell("tdint init - >&-")
     assert (full.returncode, closed.returncode) == (6, 6)
     assert full.stderr == "Error: standard output: cannot be written: No space left on device\n"
     assert closed.stderr == "Error: standard output is closed\n"
@@ -56,10 +56,10 @@ def test_closed_streams(folder):
 
 
 def test_output_is_bytes_of_utf8_in_any_locale(folder):
-    (folder / "Köln.txt").write_text("# dt = 0.01, units = g\n" + "0\n0.1\n" * 9)
-    done = shell("LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 tdint spectrum Köln.txt --period 1")
+    (folder / "forced.yaml").rename(folder / "Köln.yaml")
+    done = shell("LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 tdint check Köln.yaml")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[1].startswith("Köln.txt,,")
+    assert done.stdout.splitlines()[1].startswith("Köln.yaml,")
 
 
 def test_ctrl_c_while_waiting_ends_with_130_and_no_file(folder):

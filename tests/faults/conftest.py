@@ -30,10 +30,10 @@ def write_table(file: Path, samples: int) -> None:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Records r0.csv ... r7.csv of 20 000 samples in `many`, r0.csv beside it, and model.yaml."""
+    """Records r0.csv ... r7.csv of 5000 samples in `many`, r0.csv beside it, and model.yaml."""
     work = tmp_path / "work"
     (work / "many").mkdir(parents=True)
-    write_table(work / "many" / "r0.csv", 20_000)
+    write_table(work / "many" / "r0.csv", 5000)
     for i in range(1, 8):
         (work / "many" / f"r{i}.csv").hardlink_to(work / "many" / "r0.csv")
     write_table(work / "r0.csv", 500)
@@ -47,7 +47,7 @@ def wait_until(happened, seconds, told=lambda: ""):
     end = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < end, told()
-        time.sleep(0.01)
+        time.sleep(0.03)
 
 
 class Command:

@@ -25,13 +25,13 @@ def shell(command, folder):
     ],
 )
 def test_no_room_behind_standard_output(folder, limit, target, message):
-    done = shell(f"{limit} {TDINT} methods > {target}", folder)
+    done = shell(f"{limit} {TDINT} init - > {target}", folder)
     assert done.returncode == 6
     assert f"Error: standard output: cannot be written: {message}" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("command", ["stability --method hht -o out.csv", "run model.yaml --history -o out"])
+@pytest.mark.parametrize("command", ["law model.yaml --drift 1% -o out.csv", "run model.yaml --history -o out"])
 def test_a_size_limit_of_files(folder, command):
     done = shell(f"ulimit -f 1; {TDINT} {command} > /dev/null", folder)
     assert done.returncode == 6, done.stderr

@@ -9,7 +9,7 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
-JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:4000")
+JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:3000")
 
 
 def tables(folder):

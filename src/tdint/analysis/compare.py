@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
-from tdint.analysis.given import AnyModel
+from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
@@ -24,7 +24,6 @@ from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
 from tdint.tabular import Tabular

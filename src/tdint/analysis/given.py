@@ -1,4 +1,4 @@
-"""What callers give in the place of a record or a number: taken as it is meant, or refused in words."""
+"""What callers give in the place of a model, a record or a number: taken as it is meant, or refused in words."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
+from tdint.model.definition import Model
 from tdint.units import DriftSize, parse_drift
 from tdint.written_numbers import parse_ratio
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
-    from tdint.model.definition import Model
 
 
 class AnyTrace(Protocol):
@@ -41,6 +41,21 @@ AnyRecord: TypeAlias = Record | str | Path | AnyTrace | AnyStream
 
 AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
 """A record, or a pair of components."""
+
+
+def model_of(given: Any) -> Model:
+    """A model, or that of what `load_model` takes.
+
+    Raises
+    ------
+    ModelError
+        It is neither, or the file has faults.
+    """
+    if isinstance(given, Model):
+        return given
+    from tdint.model.config.model_file import load_model  # YAML, which a model needs that is put together in Python
+
+    return load_model(given)
 
 
 def record_of(given: Any) -> Record:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyModel, drift_of
+from tdint.analysis.given import AnyModel, drift_of, model_of
 from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
@@ -24,7 +24,6 @@ from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.law_state import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble, variant
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize

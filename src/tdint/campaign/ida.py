@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel, AnyMotion, motion_of
+from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.run import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
@@ -35,7 +35,6 @@ from tdint.ground_motion.reading.suites import SuiteMotion, components
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.system import on_threads
 from tdint.tabular import Progress, Tabular, told_progress

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
 from tdint.campaign.batch import RunSettings
@@ -23,7 +23,6 @@ from tdint.errors import UsageError
 from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.system import processors
 from tdint.tabular import Progress, Several, told_progress

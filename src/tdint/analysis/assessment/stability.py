@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array, halved
@@ -333,6 +332,9 @@ def _nonlinear_overshoot(
     """The steps of the oscillator of a problem, from its displacement or from the velocity of the same energy."""
     if method.family.linear_only:
         raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
+
+    from tdint.analysis.assessment.failures import problems  # needs what makes whole runs
+
     problem = problems()[law]
     (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement
     velocity = math.sqrt(2.0 * problem.energy_scale / story.mass)

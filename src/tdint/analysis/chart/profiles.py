@@ -35,14 +35,14 @@ from tdint.analysis.chart.work_precision import (
     suited,
     within,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.outcome import FailedRun, StoryPeaks
 from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
-from tdint.model.config.model_file import model_of, model_within, record_within
+from tdint.model.config.model_file import model_within, record_within
 from tdint.model.damage_states import DONE
 from tdint.model.definition import Model, RecordSource
 from tdint.model.keys.document import SourceText, read_document

@@ -23,14 +23,13 @@ from tdint.analysis.chart.problem import (
     pose,
     reached,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, ratio_of, record_of
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
-from tdint.model.config.model_file import model_of
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.tabular import Progress as Counted
 from tdint.tabular import Tabular, told_progress

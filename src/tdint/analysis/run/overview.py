@@ -7,12 +7,12 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tdint.analysis.given import AnyModel
+from tdint.analysis.given import AnyModel, model_of
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
-from tdint.model.config.model_file import load_judged, model_of
+from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
 from tdint.model.plausibility import doubts

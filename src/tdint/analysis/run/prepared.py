@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint import system
-from tdint.analysis.given import AnyModel
+from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.run.workspace import (
     HALVINGS,
     Instability,
@@ -50,7 +50,6 @@ from tdint.kernels.stories.law_state import follow
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
 _RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes

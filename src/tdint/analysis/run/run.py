@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from tdint.analysis.given import AnyModel, AnyRecord, number_of, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
@@ -16,11 +16,9 @@ from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, 
 from tdint.analysis.run.workspace import Steps
 from tdint.errors import UsageError
 from tdint.ground_motion.processing_steps import processed
-from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
 _parsed = lru_cache(maxsize=64)(parse)
@@ -251,5 +249,7 @@ def model_record(model: Model) -> Record | None:
     source = model.excitation.record
     if source is None:
         return None
+    from tdint.ground_motion.reading.read import read_record  # not where only motions in arrays are given
+
     record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record

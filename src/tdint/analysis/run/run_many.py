@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyModel, AnyRecord, number_of, numbers_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, numbers_of, record_of
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.outcome import STORY, History, StoryErrors, StoryPeaks, StoryValues
 from tdint.analysis.run.prepared import MarchedRuns, Motions
@@ -29,7 +29,6 @@ from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import draw_buildings
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model, changes_of, check_parameter, check_value, damped_by
 from tdint.system import available_memory, on_threads, processors
 from tdint.tabular import Progress, Tabular, optional, told_progress

@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel
+from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
-from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 

@@ -17,10 +17,9 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, note_input, read_at_most
@@ -29,6 +28,9 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint, EntryPoints
 
 LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
@@ -278,6 +280,8 @@ def plugins() -> tuple[Plugin, ...]:
 
     ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
     """
+    from importlib.metadata import EntryPoints, PackageNotFoundError, distribution  # only where a file is read
+
     theirs = distribution("obspy").entry_points
     try:
         ours = distribution("tdint").entry_points

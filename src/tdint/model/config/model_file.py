@@ -277,17 +277,6 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
     return load_judged(source, {})
 
 
-def model_of(given: Any) -> Model:
-    """A model, or that of what `load_model` takes.
-
-    Raises
-    ------
-    ModelError
-        It is neither, or the file has faults.
-    """
-    return given if isinstance(given, Model) else load_model(given)
-
-
 def load_judged(
     source: str | Path | TextIO | Mapping[str, Any], judges: Mapping[str, Callable[[str, Path], object]]
 ) -> Model:
