@@ -194,6 +194,20 @@ def test_what_rests_is_drawn():
         drawn(spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], axes))
 
 
+@pytest.mark.parametrize(
+    ("choices", "told"),
+    [
+        ({}, "exact solution"),
+        ({"interpolation": "band-limited"}, "exact solution, band-limited motion"),
+        ({"maxima": "samples"}, "exact solution, maxima: samples"),
+        ({"method": "newmark-average"}, "newmark-average"),
+    ],
+)
+def test_a_spectrum_tells_how_it_was_computed(choices, told):
+    computed = spectrum(motion(), np.array([0.5, 1.0]), **choices)
+    assert f"5 % damping, {told}" in words(spectrum_picture([computed])).split("\n")
+
+
 def test_a_processed_record_is_called_so():
     plain = Record(np.ones(3), 0.01, "", "", "", "x.mseed")
     assert changed([plain]) == ""
