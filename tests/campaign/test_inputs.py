@@ -133,7 +133,8 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         assert str(caught.value).endswith(f"got {measure}")
     target = TargetSpectrum("table", np.array([0.5, 0.7, 1.0]), np.array([5.0, 4.0, 2.0]))
     places = np.geomspace(0.5, 1.0, 100)
-    same(scale(4 * pairs, target=target, rule="asce7"), scale_asce7(4 * pairs, target, places))
+    rule = {"target": target, "damping": 0.2}
+    same(scale(4 * pairs, **rule, rule="asce7"), scale_asce7(4 * pairs, **rule, periods=places))
     for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="nothing to scale to"):
             scale(pairs, **wrong)

@@ -158,9 +158,9 @@ def test_asce7():
     """The average of the maximum-direction spectra is nowhere below 90 % of the target; all are raised alike."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
     target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
-    scaling = scale_asce7(motions, target, grid)
+    scaling = scale_asce7(motions, target, grid, damping=0.2)
     dense = np.unique([*grid, 0.6, 1.5, scaling.least[1]])
-    spectra = np.array([rotated_spectrum(pair, dense, 0.05, [100]).psa[0] for pair in motions])
+    spectra = np.array([rotated_spectrum(pair, dense, 0.2, [100]).psa[0] for pair in motions])
     whole = np.exp(np.interp(np.log(dense), np.log(target.periods), np.log(target.psa)))
     least = np.min(np.mean(scaling.factors[:, None] * spectra, axis=0) / whole)
     at_grid = np.isin(dense, grid)
@@ -176,7 +176,7 @@ def test_asce7_raises_a_set_that_is_too_low():
     """A target with a peak that no motion has: the average touches 90 % of it, at the peak."""
     grid = np.geomspace(0.2, 2.0, 9)
     peaked = TargetSpectrum("peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0]))
-    scaling = scale_asce7(pairs(11), peaked, grid)
+    scaling = scale_asce7(pairs(11), peaked, grid, damping=0.2)
     dense = np.append(np.geomspace(0.2, 2.0, 500), 0.63)  # the peak is at no period of the fit
     average = np.mean(scaling.spectra(dense), axis=0) / peaked.at(dense)
     assert average.min() == pytest.approx(0.9, rel=1e-12)

@@ -63,8 +63,7 @@ def test_interpolation_only_if_said(spectra, tdint):
     tdint.refused("goes from 0.1 to 0.4 s, without 0.5 s", *said, "0.2,0.5")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_picture_summary_and_what_is_said(spectra, tdint):
+def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
     values = [1.1, 0.9, 1.0, 1.0]
     lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}\n" for row, x in zip(spectra[4:], values, strict=True)]
     published = publish("period_s,psa_m_s2\n" + "".join(lines))

@@ -103,6 +103,7 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Command
     levels = ida(model, [record], pga(), IdaSettings(max_im=2.0 * record.pga, check=True), method="moment4")
     scales = sorted(run.scale for run in levels.curves[0].runs)
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"), ("[0.25, 1, 2.5]", repr(scales)))
+    change("study.yaml", (", stiff.yaml]", "]"), (", other.mseed]", "]"))
     tdint("campaign", "study.yaml", "-o", "checked", code=0)
     table = [
         row

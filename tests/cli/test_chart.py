@@ -34,8 +34,7 @@ def kept_here(monkeypatch, references):
     monkeypatch.setattr(problem, "cache_folder", lambda: references)
 
 
-@pytest.mark.usefixtures("drawn")
-def test_table_words_and_files(folder, tdint):
+def test_table_words_and_files(folder, tdint, drawn):
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
     assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "x.csv").read_text().splitlines()[0] == COLUMNS
@@ -141,7 +140,6 @@ def test_the_default_methods(folder, tdint):
     ]
 
 
-@pytest.mark.usefixtures("drawn")
 def test_unstable_steps_stay_in_the_table(folder, tdint):
     words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--plot", "x.svg")
     result = tdint("chart", "shaken.yaml", *words, code=0)
@@ -165,8 +163,7 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
 
 
-@pytest.mark.usefixtures("drawn")
-def test_over_the_number_of_stories(folder, tdint):
+def test_over_the_number_of_stories(folder, tdint, drawn):
     words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
     result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
     text = (folder / "x.csv").read_text()
@@ -277,8 +274,7 @@ problems:
 LINES = ("--method", "newmark-average,impulse4")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_profiles_of_several_motions(folder, tdint, make_record):
+def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(
         "chart", "shaken.yaml", "--record", "motion.mseed", "--record", "other.mseed", "--component", "HNE", *LINES,

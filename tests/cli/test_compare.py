@@ -55,7 +55,7 @@ def write_recorded(folder):
     table[:, roof] += 0.5 + 0.2 * np.std(table[:, roof]) * generator.normal(size=SAMPLES)
     np.savetxt("recorded.csv", table, "%.12g", ",", header=",".join(names), comments="")
     for name, floor in (("fitted", "  1:"), ("blind", "  roof:")):
-        lines = [line for line in RECORDED.splitlines() if not line.startswith(floor)]
+        lines = [line for line in RECORDED.splitlines() if not line.startswith((floor, "band:"))]
         Path(f"{name}.yaml").write_text("\n".join(lines))
     Path("off.yaml").write_text(MODEL.replace("900", "1100").replace("700", "600"))
     fit = fitting.fit
@@ -64,8 +64,7 @@ def write_recorded(folder):
         Command()("compare", "off.yaml", *FIT, "-o", "si/table.csv", code=0)
 
 
-@pytest.mark.usefixtures("drawn")
-def test_table_files_and_requirements(recorded, tdint, tmp_path):
+def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
     tdint("compare", *files, "-o", out, "--plot", "--require", "correlation=0.95,peak_ratio=0.8", code=0)
@@ -109,7 +108,7 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     model = re.sub("damping: .*", "damping: {modal: 4%}  # d", model)
     (recorded / "equal.yaml").write_text(model)
     monkeypatch.chdir(recorded)
-    floor = [line for line in RECORDED.splitlines() if not line.startswith("  roof:")]  # which has no noise
+    floor = [line for line in RECORDED.splitlines() if not line.startswith(("  roof:", "band:"))]  # has no noise
     Path("first.yaml").write_text("\n".join(floor))
     asked = ("--recorded", "first.yaml")
     tdint("compare", "equal.yaml", *asked, "--fit", "stiffness,damping", "-o", tmp_path / "out", code=0)

@@ -206,8 +206,7 @@ def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
 LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 2.5 m/s^2]}"
 
 
-@pytest.mark.usefixtures("drawn")
-def test_fragility_of_each_type_and_state(region: Path, tdint: Command) -> None:
+def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: None) -> None:
     """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are those of leaving
     out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
     change("study.yaml", ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS), (", pairs: true", ", component: HNE"))

@@ -51,8 +51,7 @@ def test_the_kind_of_building(folder, tdint):
     assert (folder / "x.png").exists()
 
 
-@pytest.mark.usefixtures("drawn")
-def test_what_a_table_came_from_and_its_picture(folder, tdint):
+def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
     assert tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot").exit_code == 0
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["motion.csv", "motion.json", "motion.png"]
     assert (folder / "out" / "motion.png").read_bytes().startswith(b"\x89PNG")

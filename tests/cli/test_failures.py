@@ -9,9 +9,8 @@ from tdint_cli.commands.failures import command
 COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"
 
 
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"])
-def test_problems_with_the_usual_methods(here, tdint, named):
+def test_problems_with_the_usual_methods(here, tdint, named, drawn):
     words = ("--problem", named) if named else ()
     result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *words, code=0)
     text = (here / "who.csv").read_text()

@@ -143,8 +143,7 @@ def test_motions_for_teaching(folder, tdint, motion, ends, phase):
     tdint("run", "f.yaml", "-q", code=0)
 
 
-@pytest.mark.usefixtures("drawn")
-def test_shapes_of_modes(folder, tdint):
+def test_shapes_of_modes(folder, tdint, drawn):
     """1 at the roof; or, with a participation factor of 1, adding up to 1 at each floor."""
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     by_roof = rows(tdint("modes", "f.yaml", "--shapes", "roof", "--plot=m.png").stdout)

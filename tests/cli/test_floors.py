@@ -75,8 +75,7 @@ def test_wrong_use(folder, tdint, arguments, message):
     assert not (folder / "out").exists()
 
 
-@pytest.mark.usefixtures("drawn")
-def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint):
+def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     """Each run's spectra are those of a single call; of a pair the larger component counts at each period."""
     options = ("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--units", "m/s^2")
     run("other.mseed", "motion.mseed", *options, "--plot", code=0)

@@ -41,8 +41,7 @@ def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
     tdint.refused("give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_table_of_stripes(folder, tdint):
+def test_a_table_of_stripes(folder, tdint, drawn):
     tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg", code=0)
     (row,) = rows(folder / "f.csv")
     assert (row["fit"], row["theta"][:7], row["beta"][:7]) == ("stripes", "1.07611", "0.42923")

@@ -129,8 +129,7 @@ def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint
     assert written(studied / "out")["capacities.csv"] == before["capacities.csv"]
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_study_replaces_no_picture_of_others(studied, tdint):
+def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
     """Nor one that lies elsewhere; its own it replaces without being told. Tables: tests/cli/test_files.py."""
     call = (*STUDY[:-1], "--plot=elsewhere.png")
     (studied / "elsewhere.png").write_bytes(b"mine")

@@ -58,8 +58,7 @@ def test_units_and_how_they_are_known(folder, tdint, make_record):
     assert row["units"] == "2e-3 gal (given)"
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_record_of_zeros_has_empty_cells_and_a_picture(folder, tdint):
+def test_a_record_of_zeros_has_empty_cells_and_a_picture(folder, tdint, drawn):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)
     assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == ("", "", "0", "50")

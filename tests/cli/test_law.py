@@ -83,9 +83,8 @@ def test_table_and_picture(folder, tdint):
     assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
-def test_pictures_of_any_size(folder, tdint, model, drift):
+def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
     tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)
     assert (folder / "x.png").exists()
 

@@ -139,9 +139,8 @@ def test_beta_scan(here, tdint):
     assert "impulse:beta=1/145" in picture and "√12" in picture
 
 
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
-def test_pictures_of_any_steps(here, tdint, steps):
+def test_pictures_of_any_steps(here, tdint, steps, drawn):
     tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
     assert (here / "x.png").exists()
 
@@ -182,8 +181,7 @@ def test_overshoot_words(tdint):
     assert "nothing" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
+def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint, drawn):
     last = rows(tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout)[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
 
@@ -237,8 +235,7 @@ def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
     tdint.refused(f"Error: exact integrates linear buildings only; not with --law {law}\n", *words, "exact")
 
 
-@pytest.mark.usefixtures("drawn")
-def test_errors_that_are_rounding_are_told(here, tdint):
+def test_errors_that_are_rounding_are_told(here, tdint, drawn):
     result = tdint("order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg")
     assert result.stderr == "note: exact has no order here: its errors are rounding\n"
     assert column(result, "displacement_order")[0] == ""

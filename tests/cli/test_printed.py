@@ -26,8 +26,7 @@ def stability(tdint, *more):
     return tdint("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9", *more)
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(here, tdint):
+def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(here, tdint, drawn):
     """Letters as the page's streams set them: `/F1 8 Tf`."""
     line = ("overshoot", "--method", "impulse4", "--steps", "3")
     tdint(*line, "--style", "90mm", "--plot=a.pdf", code=0)
@@ -43,8 +42,7 @@ def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_point
     assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}  # exponents are smaller
 
 
-@pytest.mark.usefixtures("drawn")
-def test_words_are_those_of_the_paper(here, tdint):
+def test_words_are_those_of_the_paper(here, tdint, drawn):
     """And a style sheet has its say."""
     (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     style = ("--style", "own.mplstyle,width=7in,label:impulse4='present, method',title=no")

@@ -75,8 +75,7 @@ def table_with(found: Page, heading: str) -> list[dict[str, str]]:
     return [dict(zip(table[0], cells, strict=True)) for cells in table[1:]]
 
 
-@pytest.mark.usefixtures("drawn")
-def test_the_page_of_a_run(folder: Path, tdint: Command) -> None:
+def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
     result = tdint("run", "shaken.yaml", "--check", "--report", "page.html", code=0)
     found = page("page.html")
     stories = rows(result.stdout)
@@ -272,9 +271,8 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("drawn")
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to print with")
-def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint: Command) -> None:
+def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint: Command, drawn: None) -> None:
     """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the paper."""
     assert tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     assert (

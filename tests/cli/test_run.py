@@ -45,8 +45,7 @@ def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
     assert files(folder) == before
 
 
-@pytest.mark.usefixtures("drawn")
-def test_the_files_of_a_run(folder, tdint):
+def test_the_files_of_a_run(folder, tdint, drawn):
     result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot", code=0)
     out = folder / "out"
     assert files(out) == ["history.csv", "response.png", "stories.csv", "summary.json"]

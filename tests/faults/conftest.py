@@ -47,7 +47,7 @@ def wait_until(happened, seconds, told=lambda: ""):
     end = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < end, told()
-        time.sleep(0.01)
+        time.sleep(0.03)
 
 
 class Command:

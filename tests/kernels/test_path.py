@@ -121,7 +121,7 @@ def test_the_work_is_what_is_stored_and_dissipated(any_journey):
 
 def test_the_integrals_are_those_of_the_force(journey):
     name, law_parameters, visited, _ = journey
-    for state, rise, bend in visited[::3]:
+    for state, rise, bend in (*visited[:4], *visited[4::7]):
         got = results(law_parameters, state.copy(), rise, bend)
         expected = by_simpsons_rule(law_parameters, state.copy(), rise, bend)
         size = abs(state[at.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
