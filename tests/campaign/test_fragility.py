@@ -306,17 +306,30 @@ def test_clouds_that_tell_nothing():
         fit_cloud([1.0, 2.0, 4.0, 8.0], [1.0, 3.0, 1.0, 2.2], [1e-9])  # a slope of 0.18, by chance
 
 
+SQUARE = [[0.5, 1.0], [2.0, 4.0]]
+
+
 @pytest.mark.parametrize(
-    "call",
+    ("call", "message"),
     [
-        lambda: fit_stripes([0.0, 1.0], [0, 1], [2, 2]),
-        lambda: fit_stripes([0.5, 1.0], [0, 3], [2, 2]),
-        lambda: fit_stripes([0.5, 1.0], [0], [2, 2]),
-        lambda: fit_capacities([1.0, -1.0]),
-        lambda: fit_capacities([1.0, math.nan]),
-        lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0]),
+        (lambda: fit_stripes([0.0, 1.0], [0, 1], [2, 2]), "levels of intensity"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 3], [2, 2]), "no more exceedances than records"),
+        (lambda: fit_stripes([0.5, 1.0], [0, -1], [2, 2]), "no more exceedances than records"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 0], [2, 0]), "there must be records"),
+        (lambda: fit_stripes([0.5, 1.0], [0], [2, 2]), "as many levels as"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 1], [2]), "as many levels as"),
+        (lambda: fit_stripes(SQUARE, SQUARE, SQUARE), "as many levels as"),
+        (lambda: fit_stripes([], [], []), "as many levels as"),
+        (lambda: fit_capacities([1.0, -1.0]), "capacities"),
+        (lambda: fit_capacities([1.0, math.nan]), "capacities"),
+        (lambda: fit_capacities([1.0, 2.0, 3.0], [False, True]), "as many marks"),
+        (lambda: fit_capacities(SQUARE, np.zeros((2, 2))), "a row of numbers"),
+        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0]), "thresholds"),
+        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0], [1.0]), "as many demands"),
+        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0], [True]), "as many demands"),
+        (lambda: fit_cloud(SQUARE, SQUARE, [1.0]), "as many demands"),
     ],
 )
-def test_numbers_that_make_no_sense(call):
-    with pytest.raises(UsageError):
+def test_numbers_that_make_no_sense(call, message):
+    with pytest.raises(UsageError, match=message):
         call()

@@ -113,6 +113,18 @@ def test_nothing_to_act_on_is_told():
             plain.replace(**{change: 0.5})
 
 
+@pytest.mark.parametrize(("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)])
+def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
+    """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the law and in the
+    story."""
+    law = {"type": "polynomial", "coefficients": [100.0, 2.0]}
+    plain = tdint.load_model({"stories": [{"mass": 1.0, "law": law}]})
+    (story,) = plain.replace(**{f"story 1.law.{change}": 300.0}).stories
+    assert (story.stiffness, 300.0 in story.law.parameters) == (stiffness, True)
+    (stiffer,) = plain.replace(stiffness_factor=1.5).stories
+    assert (stiffer.stiffness, stiffer.law.parameters) == (150.0, (150.0, 3.0))
+
+
 def test_a_latin_hypercube_has_one_draw_in_each_part():
     """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives them again."""
     random = {"stiffness_factor": Distribution("lognormal", 1.1, 0.2), "mass_factor": Distribution("uniform", 0.8, 1.2)}

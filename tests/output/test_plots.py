@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from tdint.analysis.assessment.order import order
 from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
@@ -18,6 +19,7 @@ from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
+from tdint.output.figures.assessment import order_picture
 from tdint.output.figures.runs import floor_suite_picture, profile_picture, run_picture, sensitivity_picture
 from tdint.output.figures.spectrum_curves import draw_adrs, draw_tripartite, spectrum_picture
 from tdint.output.figures.style import add_title, changed, picture
@@ -192,6 +194,33 @@ def test_what_rests_is_drawn():
     assert "period (s)" in drawn(spectrum_picture([spectrum(still, np.array([1.0]))]))
     for axes in ("tripartite", "adrs"):
         drawn(spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], axes))
+
+
+@pytest.mark.parametrize(
+    ("choices", "told"),
+    [
+        ({}, "exact solution"),
+        ({"interpolation": "band-limited"}, "exact solution, band-limited motion"),
+        ({"maxima": "samples"}, "exact solution, maxima: samples"),
+        ({"method": "newmark-average"}, "newmark-average"),
+    ],
+)
+def test_a_spectrum_tells_how_it_was_computed(choices, told):
+    computed = spectrum(motion(), np.array([0.5, 1.0]), **choices)
+    assert f"5 % damping, {told}" in words(spectrum_picture([computed])).split("\n")
+
+
+@pytest.mark.parametrize(
+    ("ratios", "axis", "title"),
+    [
+        ((0.5,), "observed order", ", frequency ratio 0.5"),
+        ((0.5, 2.0), "frequency of the load over natural frequency", ""),
+    ],
+)
+def test_orders_are_drawn_over_the_frequency_ratio_where_there_are_several(ratios, axis, title):
+    said = words(order_picture([order("newmark-average", frequency_ratio=ratio) for ratio in ratios])).split("\n")
+    assert axis in said
+    assert f"Observed order: harmonic load, linear law{title}" in said
 
 
 def test_a_processed_record_is_called_so():

@@ -312,6 +312,12 @@ def test_running_what_is_recommended_meets_the_error():
         assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= limit
 
 
+def test_default_steps_are_halves_and_what_lies_between_them():
+    problem = pose(oscillator(10.0), noise(samples=21))
+    intervals = [8, 6, 4, 3, 2, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16]
+    assert np.array(default_steps(problem, 1, 1)) / problem.interval == pytest.approx(intervals)
+
+
 def test_default_steps_are_fewer_where_they_take_long():
     problem = replace(pose(ten_linear(), noise()), samples=100_000_000)
     assert default_steps(problem, 9, 5) == pytest.approx([0.08, 0.06, 0.04, 0.03, 0.02, 0.01])

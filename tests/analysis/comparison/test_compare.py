@@ -11,7 +11,16 @@ from scipy import signal
 from scipy.signal import zpk2sos
 
 from building_cases import LINEAR, Force, Law, model, story
-from tdint.analysis.compare import _MET, Event, _common, absolute_displacements, case_under, compare, parse_requirement
+from tdint.analysis.compare import (
+    _MET,
+    Event,
+    _common,
+    absolute_displacements,
+    case_under,
+    compare,
+    parse_requirement,
+    respond,
+)
 from tdint.analysis.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
 from tdint.analysis.fit import _smoothed as smoothed
 from tdint.analysis.run.run import prepare, run_case
@@ -325,6 +334,17 @@ def test_the_step_is_no_longer_than_the_interval(made):
     coarse = compare(made.model, event, method="newmark-average", dt=DT).floors[-1]
     fine = compare(made.model, event, method="newmark-average").floors[-1]
     assert fine.rms_difference < 0.3 * coarse.rms_difference
+
+
+@pytest.mark.parametrize(("band", "fastest"), [(None, None), ((0.1, 2.0), 4.0 * math.pi)])
+def test_a_step_by_default_is_short_for_all_modes_within_the_band(made, band, fastest):
+    """The first halving of the interval with which omega dt is at most a quarter."""
+    made.usual()
+    case = case_under(made.model, made.event(), "newmark-average")
+    omega = fastest or case.building.fastest
+    parts = next(2**i for i in range(9) if omega * DT / 2**i <= 0.25)
+    assert parts > 1
+    assert respond(case, None, band).dt == pytest.approx(DT / parts)
 
 
 def test_a_building_that_collapses_has_nothing_to_compare(made):

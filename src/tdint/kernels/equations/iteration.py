@@ -11,7 +11,7 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 
-ITERATIONS = 30  # of Newton, halved corrections included, before a step counts as not converged
+ITERATIONS = 30  # of Newton before a step counts as not converged; a correction that is halved counts as one
 PATIENCE = 6  # corrections after which one that does not bring the step closer to balance is halved: kinks make cycles
 LEAST = 1e-3  # part of a correction that is tried
 CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms

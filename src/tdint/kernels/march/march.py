@@ -50,7 +50,7 @@ MARCH = I8(
 )
 
 RUNAWAY = 1e6
-"""Displacement beyond which a response is called diverged, m."""
+"""Displacement beyond which a march ends as one whose numbers are not finite, m: no building moves so far."""
 
 
 @inlined

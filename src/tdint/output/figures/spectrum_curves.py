@@ -401,12 +401,9 @@ def spectrum_picture(
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
-    # The method, and what was chosen beside it.
+    # A method leaves nothing to choose beside it.
     first = spectra[0]
-    if first.method == "exact":
-        how = ", ".join(["exact solution", *_choices(first)])
-    else:
-        how = first.method + f", {first.interpolation} motion" * (first.interpolation != "linear")
+    how = ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
     add_title(figure, over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how))
     return figure
 

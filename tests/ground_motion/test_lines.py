@@ -1,0 +1,47 @@
+"""Lines of a text file, read one after another: what is passed over, and the number of the line that messages name."""
+
+import pytest
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import Lines
+
+TEXT = "first\n\n \n\n1 2\n3 4\nend\n"
+
+
+def test_blank_lines_are_passed_over_one_by_one():
+    """Three of them, and one: a step of two lines would pass over a row or fall beyond it."""
+    lines = Lines(TEXT)
+    assert (lines.peek(), lines.number) == ("first", 0)
+    lines.skip(1)
+    assert (lines.peek(), lines.number) == ("1 2", 4)
+    assert Lines("\n5 6\n7 8\n").table(2, 2).tolist() == [[5.0, 7.0], [6.0, 8.0]]
+    assert Lines("\n\n").peek() is None
+
+
+def test_lines_are_taken_blank_or_not():
+    lines = Lines(TEXT)
+    assert [lines.take() for _ in range(3)] == ["first", "", " "]
+    assert lines.number == 3
+    assert lines.take_until(lambda line: line.startswith("3"), "row") == ["", "1 2"]
+    assert (lines.number, lines.at_numbers()) == (5, True)
+    assert lines.numbers(2).tolist() == [3.0, 4.0]
+    assert (lines.at_numbers(), lines.take()) == (False, "end")
+    with pytest.raises(RecordError, match="cut off: it ends with line 7"):
+        lines.take()
+
+
+def test_messages_name_the_line():
+    lines = Lines(TEXT)
+    with pytest.raises(RecordError, match="there are 7 lines, fewer than the 8 to skip"):
+        lines.skip(8)
+    lines.skip(4)
+    with pytest.raises(RecordError, match="after line 4 there is no trailer"):
+        lines.take_until(lambda line: line == "trailer", "trailer")
+    with pytest.raises(RecordError, match="line 5 holds 2 numbers, not 3"):
+        lines.table(1, 3)
+    with pytest.raises(RecordError, match=r"more than the 1 values that are announced stand after line 5"):
+        lines.numbers(1)
+    with pytest.raises(RecordError, match="line 7 stands after the last row"):
+        lines.expect_end()
+    with pytest.raises(RecordError, match="line 7: 'end' stands where numbers should"):
+        lines.numbers(1)
