@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import lru_cache
 
 import numpy as np
 
@@ -323,14 +324,22 @@ def zero_phase(
         raise RecordError(f"{label}: {kind} {corner:g} Hz is not below the Nyquist frequency, {0.5 / dt:.6g} Hz")
     if corner * dt < _NARROWEST:
         raise RecordError(f"{label}: {kind} {corner:g} Hz is too low for samples {dt:g} s apart")
-    from scipy.signal import butter, sosfilt, zpk2sos  # 0.8 s, for filters only
+    from scipy.signal import sosfilt  # 0.8 s, for filters only
 
-    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / dt, output="zpk")
-    sections = zpk2sos(zeros, poles, gain)
-    settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
+    sections, settling = _designed(kind, corner, corners, dt)
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
     forwards = sosfilt(sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0)
     return np.asarray(sosfilt(sections, forwards[::-1], axis=0)[::-1][: len(samples)])
+
+
+@lru_cache(maxsize=64)  # a fit runs the same two filters a thousand times
+def _designed(kind: str, corner: float, corners: int, dt: float) -> tuple[Array, int]:
+    """Second-order sections of a Butterworth filter, and the samples after which it has settled."""
+    from scipy.signal import butter, zpk2sos
+
+    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / dt, output="zpk")
+    settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
+    return zpk2sos(zeros, poles, gain), settling
 
 
 def resample(record: Record, dt: float) -> Record:

@@ -2,13 +2,10 @@
 
 import math
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy import signal
-from scipy.signal import zpk2sos
 
 from building_cases import LINEAR, Force, Law, model, story
 from tdint.analysis.compare import (
@@ -245,14 +242,6 @@ def test_spectra_of_both(made):
     np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
 
 
-@pytest.fixture
-def filters(monkeypatch):
-    """Filters are designed once: a fit runs the same two a thousand times."""
-    design = cache(lambda zeros, poles, gain: zpk2sos(np.array(zeros), np.array(poles), gain))
-    monkeypatch.setattr(signal, "zpk2sos", lambda zeros, poles, gain: design(tuple(zeros), tuple(poles), gain))
-
-
-@pytest.mark.usefixtures("filters")
 def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     """With a tenth of noise on the floors; each story is off to another side."""
     generator = np.random.default_rng(11)
