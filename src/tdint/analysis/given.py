@@ -53,7 +53,7 @@ def model_of(given: Any) -> Model:
     """
     if isinstance(given, Model):
         return given
-    from tdint.model.config.model_file import load_model  # YAML, which a model needs that is put together in Python
+    from tdint.model.config.model_file import load_model  # YAML, which a model of Python does without
 
     return load_model(given)
 
