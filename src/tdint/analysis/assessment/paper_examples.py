@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.analysis.run.outcome import FailedRun, History
+from tdint.analysis.run.outcome import DIVERGED, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import Steps
@@ -239,7 +239,7 @@ def run_example(example: Example, dt: float, integrators: Sequence[Integrator]) 
             except FailedRun as failure:
                 outcome = failure.status
             except AnalysisError:
-                outcome = "refused" if integrator.family.linear_only else "diverged"
+                outcome = "refused" if integrator.family.linear_only else DIVERGED
             yield ExampleRun(example.number, integrator.label, variant, dt, outcome, motion, paper, finer)
 
 

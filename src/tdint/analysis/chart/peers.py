@@ -20,6 +20,7 @@ from tdint import system
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, errors
 from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, line_of, silent
+from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
 from tdint.kernels import layout as at
@@ -324,7 +325,7 @@ def _solve(
     taken = system.seconds() - begin
     name, line = f"scipy/{method}:rtol={tolerance:g}", f"scipy/{method}"
     if not solution.success:
-        return Point(name, math.nan, None, "not-converged", line=line)
+        return Point(name, math.nan, None, NOT_CONVERGED, line=line)
     u, v = solution.y[:n].T, solution.y[n : 2 * n].T
     quiet = _rate(problem, law, math.inf)
     a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, solution.y.T, strict=True)])
@@ -370,7 +371,7 @@ def _called(problem: Problem, reference: Reference, function: Callable[[Any], An
     if times.ndim != 1 or times.size < 2 or u.shape != (times.size, n):
         raise ValueError(f"gives times {times.shape} and displacements {u.shape}, not (rows,) and (rows, {n})")
     if not np.all(np.isfinite(u)):
-        return Point("", math.nan, times.size - 1, "diverged", times=tuple(taken))
+        return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(taken))
     dt = float(times[1])
     steps = problem.steps(dt)
     if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:  # a clock that was summed up is no nearer
