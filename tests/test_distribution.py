@@ -16,9 +16,10 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
-def test_the_package_is_the_command(tmp_path):
-    """Words and exit code are those of `tdint`, by way of `python -m tdint_cli`."""
-    command = [sys.executable, "-m", "tdint", "run", "none.yaml"]
+@pytest.mark.parametrize("package", ["tdint", "tdint_cli"])
+def test_the_package_is_the_command(package, tmp_path):
+    """Words and exit code are those of `tdint`."""
+    command = [sys.executable, "-m", package, "run", "none.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 3 and "none.yaml: no such file" in done.stderr
 

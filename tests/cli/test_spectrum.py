@@ -267,7 +267,7 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
 @pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
 def test_files_and_picture(folder, tdint, option):
     tdint("spectrum", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)
-    assert (folder / "all.png").exists()
+    assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
     settings = json.loads((folder / "all.json").read_text())["settings"]
     assert settings[option[0].lstrip("-")] == [float(number) for number in option[1].split(",")]
     assert settings["hardening"] == 0.0

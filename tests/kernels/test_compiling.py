@@ -85,6 +85,7 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     code, about = unpack(whole)
     assert code[1:4] == b"ELF" or sys.platform != "linux"
     assert about["kernel"] == "small:scaled"
+    assert not list((small / "cache").rglob("*.part"))
 
 
 WANTED = [(scaled, EVERYTHING), (scaled, Variant(("linear",)))]  # the same: the kernel does not go by the laws
@@ -130,6 +131,7 @@ def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_ane
     assert computed() == computed() == 24.0
     assert len(compiled) == len(caplog.messages) == 3
     assert file.read_bytes() == made.read_bytes()
+    assert not list((cache / "folder").rglob("*.part"))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
