@@ -28,20 +28,8 @@ def trees():
         for path in sorted((ROOT / home).rglob("*.py")):
             part = path.relative_to(ROOT / home).parts[1]
             layer = "cli" if home == "cli" else part if part in LAYERS else "ground"
-            found.append((layer, path.relative_to(ROOT).as_posix(), walked(ast.parse(path.read_bytes()))))
+            found.append((layer, path.relative_to(ROOT).as_posix(), list(ast.walk(ast.parse(path.read_bytes())))))
     return found
-
-
-def walked(tree):
-    """What `ast.walk` gives, but for contexts and operators, in a third of its time."""
-    parts = [tree]
-    for part in parts:
-        for value in vars(part).values():
-            if isinstance(value, list):
-                parts += [item for item in value if isinstance(item, ast.AST)]
-            elif isinstance(value, ast.AST) and vars(value):
-                parts.append(value)
-    return parts
 
 
 @cache
