@@ -128,15 +128,13 @@ def main() -> None:
         shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__"))
         # Tests that fail, or are not there, would be counted as noticing everything.
         plain = given.modules[0].resolve()
-        asked_for = tests
-        if reach:  # they passed when DATA was made: their names must still be right
-            named = {test for module, line, _ in mutants for test in reach.tests(module, line)}
-            asked_for = ["--collect-only", *sorted(named)]
-        if not survives(package, plain, plain.read_text(encoding="utf-8"), asked_for):
+        asked = [reach.tests(module, line) if reach else tests for module, line, _ in mutants]
+        # Those of DATA passed when it was made: their names must still be right.
+        all_of_them = ["--collect-only", *sorted(set().union(*asked))] if reach else tests
+        if not survives(package, plain, plain.read_text(encoding="utf-8"), all_of_them):
             sys.exit("the tests are not there, or do not pass with the modules as they stand")
-        for module, line, text in mutants:
-            asked = reach.tests(module, line) if reach else tests
-            lives = not asked or survives(package, module, text, asked)
+        for (module, line, text), of_mutant in zip(mutants, asked, strict=True):
+            lives = not of_mutant or survives(package, module, text, of_mutant)
             killed += not lives
             if lives:
                 was = module.read_text(encoding="utf-8").splitlines()[line - 1].strip()

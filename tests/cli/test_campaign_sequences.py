@@ -38,7 +38,7 @@ stories:
 damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
 """
-AFTERSHOCKS = (
+AFTERSHOCKS = [
     "ida",
     "frame.yaml",
     "motion.mseed",
@@ -49,7 +49,7 @@ AFTERSHOCKS = (
     "m/s^2",
     "--precision",
     "10%",
-)
+]
 
 
 @pytest.fixture(scope="module")
