@@ -206,6 +206,13 @@ def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
             assert math.isclose(run.stories.peak_drift_ratio.max(), peak, rel_tol=1e-9)
 
 
+def test_variations_are_called_by_their_values_and_the_number_of_their_draw(model):
+    random = {"mass_factor": Distribution("uniform", 0.9, 1.1)}
+    sweep = ParameterSweep({"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,))
+    labels = [varied.label for varied in sweep.of([model])]
+    assert labels == [f"damping={ratio}, draw {draw}, bathe, dt=0.01" for ratio in (0.02, 0.05) for draw in (1, 2)]
+
+
 def test_ranks_of_a_monotonic_response(records):
     """The static part of a soft, strong story: its drift falls with its stiffness, in every draw."""
     stiff = tdint.load_model(
