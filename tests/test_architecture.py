@@ -186,14 +186,14 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 
 BUDGET = {
-    "cli": (44, 6450),
+    "cli": (43, 6450),
     "output": (24, 6250),
     "campaign": (25, 6050),
     "analysis": (40, 7450),
-    "methods": (13, 1750),
+    "methods": (12, 1750),
     "model": (21, 3550),
-    "ground_motion": (36, 4300),
-    "kernels": (62, 8240),
+    "ground_motion": (34, 4300),
+    "kernels": (61, 8240),
     "ground": (11, 1550),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

@@ -12,10 +12,10 @@ from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.campaign.intensity import MotionIntensity, measure_of, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.scaling import scale_asce7, scale_ec8, scale_p695, scale_to_target, scale_to_value
 from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.reading.suites import read_components, read_pairs, read_suite
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_folder, keep_input
+from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.horizontals import (
     USUAL,
     Horizontals,
@@ -21,12 +22,10 @@ from tdint.ground_motion.horizontals import (
     told_once,
     with_component,
 )
-from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.written_numbers import first_few
 
 _MOST_NAMES = 10  # that a message names

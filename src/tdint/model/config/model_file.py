@@ -19,8 +19,17 @@ from typing import Any, TextIO
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import READ, STDIN
-from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, RecordChoice, parse_pad, parse_trim
-from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
+from tdint.ground_motion.choice import (
+    AS_STATED,
+    BASELINES,
+    MOST_CORNERS,
+    MOST_LINES,
+    Processing,
+    RecordChoice,
+    TextLayout,
+    parse_pad,
+    parse_trim,
+)
 from tdint.model.config.sections import (
     DAMAGE,
     DAMPING,
