@@ -24,9 +24,8 @@ import numpy as np
 import yaml
 
 import tdint
-from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.catalogue import catalogue, parse, references_of
 from tdint.methods.method import Integrator
-from tdint.methods.references import references_of
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import GENERAL, ORDER, Command
 

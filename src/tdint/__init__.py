@@ -86,12 +86,12 @@ if TYPE_CHECKING:
     from tdint.campaign.scaling import scale as scale
     from tdint.campaign.sensitivity import sensitivity as sensitivity
     from tdint.errors import TdintError as TdintError
+    from tdint.ground_motion.choice import TextLayout as TextLayout
     from tdint.ground_motion.processing_steps import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.record import Record as Record
-    from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.methods.catalogue import list_methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
@@ -141,10 +141,10 @@ _NAMES = {
     "campaign.scaling": "scale",
     "campaign.sensitivity": "sensitivity",
     "errors": "TdintError",
+    "ground_motion.choice": "TextLayout",
     "ground_motion.processing_steps": "process",
     "ground_motion.reading.read": "make_record read_horizontals read_record",
     "ground_motion.record": "Record",
-    "ground_motion.text_layout": "TextLayout",
     "methods.catalogue": "load_plugin register_method",
     "model.config.model_file": "load_model",
     "model.definition": "Model register_law",

@@ -34,7 +34,7 @@ READ = """\
 import resource, sys
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.sites import read_field
-from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.choice import RecordChoice
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 field = read_field(FieldFile(sys.argv[1], RecordChoice(units="m/s^2", component="HN1")))
 print(before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

@@ -106,6 +106,17 @@ def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None
     assert "more apart than their scatter allows" in fit_table_words(tmp_path, x, jumping)
 
 
+def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -> None:
+    """2 for 2 %: the line of the cloud goes on to it all the same, far from all runs."""
+    file = tmp_path / "cloud.csv"
+    file.write_text("im,edp\n0.1,0.01\n0.2,0.02\n0.3,0.029\n")
+    result = fit_table(str(file), FragilityRequest(thresholds=(0.001, 0.025, 0.03, 2.0)))
+    assert result.disagreements == [
+        "no run is beyond threshold 0.03, threshold 2: the median is extrapolated",
+        "every run is beyond threshold 0.001: the median is extrapolated",
+    ]
+
+
 def fit_table_words(folder: Path, x: np.ndarray, demand: np.ndarray) -> str:
     (one,) = fit_cloud(x, demand, (0.016,))
     return one.beside_counts(x, demand > 0.016).disagreement

@@ -12,11 +12,11 @@ from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.campaign.intensity import MotionIntensity, measure_of, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.scaling import scale_asce7, scale_ec8, scale_p695, scale_to_target, scale_to_value
 from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.processing import RecordChoice
-from tdint.ground_motion.reading.suites import read_components, read_pairs
+from tdint.ground_motion.reading.suites import read_components, read_pairs, read_suite
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 
@@ -109,6 +109,18 @@ def test_suites():
     both = read_pairs([*FILES, "none.mseed"])
     assert (len(both.motions), len(both.records)) == (3, 6)
     assert "none.mseed" in str(both.failures[0])
+
+
+def test_a_suite_says_which_motions_it_has_twice(tmp_path):
+    """A copy under another name, and a file beside its folder; other samples or steps are another motion."""
+    for name, dt, last in (("a", 0.01, 2), ("b", 0.01, 2), ("c", 0.01, 3), ("d", 0.02, 2)):
+        (tmp_path / f"{name}.txt").write_text(f"# dt = {dt} s, units = g\n0\n1\n{last}\n")
+    first, copy, *others = (str(tmp_path / f"{name}.txt") for name in "abcd")
+    suite = read_suite([str(tmp_path), first], RecordChoice())
+    assert suite.notes == (
+        f"the same motion counts more than once in every mean: {copy} is {first}, {first} is {first}",
+    )
+    assert read_suite([first, *others], RecordChoice()).notes == ()
 
 
 def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):

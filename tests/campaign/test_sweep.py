@@ -26,7 +26,7 @@ from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
 from tdint.campaign.store import open_store
 from tdint.errors import ModelError, UsageError
-from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.choice import RecordChoice
 from tdint.output.tables.campaign import write_runs
 
 STORY = {

@@ -12,8 +12,8 @@ from cli.conftest import at_a_terminal
 from tdint.errors import AnalysisError, RecordError
 from tdint.ground_motion.reading.suites import records_of
 from tdint_cli import terminal
-from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.commands.spectrum import tables_of
+from tdint_cli.processes import Task, outcomes
 
 PERIODS = ("--period", "0.2", "--period", "1.0")
 

@@ -7,8 +7,8 @@ import pytest
 
 import tdint as library
 from csv_rows import rows
+from tdint.ground_motion.choice import Processing
 from tdint.ground_motion.measures import integrate
-from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.processing_steps import processed
 
 UNITS = ("--units", "m/s^2")

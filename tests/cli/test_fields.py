@@ -14,7 +14,7 @@ from csv_rows import rows
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.motions import FieldMotions
 from tdint.campaign.sites import FoundMotions, read_field
-from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.choice import RecordChoice
 
 CAMPAIGN = """\
 buildings: {inventory: buildings.csv, units: {length: ft}}

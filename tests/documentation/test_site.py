@@ -14,8 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import readmes
-from tdint.methods.catalogue import catalogue
-from tdint.methods.references import references
+from tdint.methods.catalogue import catalogue, references
 from tdint_cli.main import COMMANDS, cli
 
 STRANGERS = {"https://zensical.org/"}

@@ -38,7 +38,7 @@ from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint_cli.main import cli
 import tdint.output.summary, tdint.output.tables.campaign
-import tdint_cli.batch.campaigns, tdint_cli.commands.campaign
+import tdint_cli.campaigns, tdint_cli.commands.campaign
 
 def campaign(folder):
     cli(["-q", "campaign", "study.yaml", "-o", folder, "--jobs", "2"], standalone_mode=False)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.processing import Processing, parse_pad, parse_trim
+from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Input, Record
 

@@ -8,9 +8,9 @@ import pytest
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.samples import SAMPLES
 from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_record, read_records
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.model.config.model_file import load_model
 from tdint.units import STANDARD_GRAVITY
 

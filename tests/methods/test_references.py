@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from tdint.methods.catalogue import catalogue
-from tdint.methods.references import references, references_of
+from tdint.methods.catalogue import catalogue, references, references_of
 
 
 @pytest.mark.parametrize("name", catalogue())

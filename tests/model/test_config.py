@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import ModelError
-from tdint.ground_motion.processing import Processing, RecordChoice
+from tdint.ground_motion.choice import Processing, RecordChoice
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import (
     Analysis,

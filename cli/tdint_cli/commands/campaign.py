@@ -12,7 +12,7 @@ from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.campaigns import (
+from tdint_cli.campaigns import (
     LIMIT,
     REQUIRE,
     Profiles,

@@ -16,7 +16,7 @@ from tdint.system import processors
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.batch.campaigns import (
+from tdint_cli.campaigns import (
     LIMIT,
     REQUIRE,
     Profiles,
@@ -279,7 +279,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     if records:
         motions = read_motions(record_files)
     else:
-        from tdint.analysis.run.run import model_record
+        from tdint.analysis.given import model_record
         from tdint.ground_motion.reading.suites import suite_motions
 
         # The model's own record, unscaled: the levels are those of --scale.

@@ -31,7 +31,7 @@ def command(references: bool, bibtex: bool) -> None:
     if references and bibtex:
         raise UsageError("--references and --bibtex are given; leave one of the two out")
     if bibtex:
-        from tdint.methods.references import references_of
+        from tdint.methods.catalogue import references_of
 
         listed = dict.fromkeys(reference for method in catalogue().values() for reference in references_of(method))
         emit("\n".join(reference.bibtex for reference in listed).encode())

@@ -110,7 +110,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import SWINGS
     from tdint.output.tables.table import Table
-    from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
+    from tdint_cli.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)
     motions = read_motions(RecordFiles(request.records, request.choice))

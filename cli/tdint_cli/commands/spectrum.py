@@ -15,13 +15,13 @@ from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.output import figures
 from tdint_cli import options
-from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.commands import spectrum_kinds as kinds
 from tdint_cli.commands.spectrum_kinds import AXES, MODES, Kind, SpectrumRequest, TablesRequest
 from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
 from tdint_cli.options.record import notes_of_components
+from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
 # ---- A table over the period of each record: the work, the outputs, and what is said of it

@@ -14,10 +14,9 @@ from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.processing import Processing, RecordChoice
+    from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
     from tdint.ground_motion.reading.sample_units import SampleUnits
     from tdint.ground_motion.record import Record
-    from tdint.ground_motion.text_layout import TextLayout
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -37,7 +36,7 @@ class RecordRequest:
     @property
     def choice(self) -> RecordChoice:
         """The same for a suite of motions."""
-        from tdint.ground_motion.processing import RecordChoice
+        from tdint.ground_motion.choice import RecordChoice
 
         return RecordChoice(self.units, self.component, self.inventory, self.processing, self.layout)
 
@@ -188,7 +187,7 @@ def processing(command: Function) -> Function:
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
-        from tdint.ground_motion.processing import Processing, parse_pad, parse_trim
+        from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
 
         chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(Processing)}
         for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
@@ -204,7 +203,7 @@ def layout(command: Function) -> Function:
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
-        from tdint.ground_motion.text_layout import TextLayout
+        from tdint.ground_motion.choice import TextLayout
 
         chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
         return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))

@@ -14,7 +14,7 @@ from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.intensity import IntensityMeasure
-    from tdint.ground_motion.processing import RecordChoice
+    from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
     from tdint.written_numbers import Grid
 

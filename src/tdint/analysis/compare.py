@@ -545,7 +545,7 @@ def parse_requirement(text: str) -> tuple[str, float]:
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
     """A sentence for each floor and requirement that it does not meet."""
     return [
-        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.4g}, required is "
+        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.12g}, required is "
         + words.format(limit=limit)
         for floor in comparison.floors
         for name, limit in requirements

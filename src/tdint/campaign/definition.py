@@ -15,8 +15,8 @@ from tdint.campaign.batch import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
-from tdint.ground_motion.processing import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.definition import PARAMETERS, Model, check_parameter, check_value
 from tdint.model.keys.fields import ANY, POSITIVE, Bounds, Key, Keys, Schema, Value, Whole

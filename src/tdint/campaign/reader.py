@@ -26,8 +26,8 @@ from tdint.campaign.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, 
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.csv_table import number
 from tdint.errors import UsageError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import USUAL, PairNames
-from tdint.ground_motion.processing import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
 from tdint.model.config.sections import read_sample_units

@@ -20,7 +20,7 @@ from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store import Store, open_store
 from tdint.errors import UsageError
-from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model

@@ -12,7 +12,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.processing import CORNERS, Processing
+from tdint.ground_motion.choice import CORNERS, Processing
 from tdint.ground_motion.record import Record
 
 # ---- A ground motion between its samples: straight lines, or the band-limited motion

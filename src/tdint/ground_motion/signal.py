@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.processing import CORNERS
+from tdint.ground_motion.choice import CORNERS
 from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input
 

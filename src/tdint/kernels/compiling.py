@@ -11,6 +11,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from tdint.kernels.building.compilable import EVERYTHING, F8, I8, ArrayOf, Compilable, Signature, Variant, parse
 
 __all__ = [
@@ -81,4 +83,28 @@ def kernel(
 if COMPILES:
     from tdint.kernels.building.compiler import called, called_at, inlined, local, local_table, specialized
 else:
-    from tdint.kernels.building.plain import called, called_at, inlined, local, local_table, specialized
+    # Nothing is compiled: kernels are Python that a debugger can walk through.
+
+    def inlined(function: Callable[..., Any]) -> Any:
+        """Mark a function of the inner loops: its code is put into each place that calls it."""
+        return function
+
+    def called(function: Callable[..., Any]) -> Any:
+        """Mark a function that kernels call now and then: compiled once and called, it keeps compiling short."""
+        return function
+
+    def specialized(function: Callable[..., Any]) -> Any:
+        """The same, compiled anew for each constant argument: a block of springs, a truth."""
+        return function
+
+    def called_at(signature: Signature) -> Any:
+        """A function (kernel, its arguments) that calls a kernel given to another one."""
+        return lambda kernel, *arguments: kernel(*arguments)
+
+    def local(size: int) -> Any:
+        """An array of a kernel's own, not filled, that lasts as long as its call; not to be made in a loop."""
+        return np.empty(size)
+
+    def local_table(rows: int, columns: int) -> Any:
+        """`local` with two dimensions."""
+        return np.empty((rows, columns))

@@ -1,9 +1,13 @@
-"""The catalogue of methods: the only list of them. A new family is one file and one line here."""
+"""The catalogue of methods: the only list of them, and where they were published, as `publications.bib` has it.
+
+A new family is one file, one line here, and its entries there.
+"""
 
 from __future__ import annotations
 
 import copyreg
 import os
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -25,6 +29,9 @@ FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_ba
 
 DEFAULT_METHOD = "impulse4"
 """The method where none is named."""
+
+_FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")
+_KEYWORDS = re.compile(r"  keywords = .*\n")
 
 
 @cache
@@ -243,3 +250,54 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> Several[I
         An unknown method or parameter, or a value out of range.
     """
     return Several(chosen(specifications))
+
+
+@dataclass(frozen=True)
+class Publication:
+    """A publication.
+
+    Attributes
+    ----------
+    bibtex : str
+        Its entry of BibTeX.
+    author : str
+        As BibTeX takes them, `and` between them; empty where they are not known.
+    howpublished : str
+        Journal with volume, number and pages, or the report.
+    doi : str
+        Empty where it is not known for sure.
+    """
+
+    bibtex: str
+    year: str
+    title: str
+    howpublished: str
+    author: str = ""
+    doi: str = ""
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        authors = self.author.replace(" and ", "; ")
+        head = f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
+        return f"{head}. {self.howpublished}." + (f" doi:{self.doi}" if self.doi else "")
+
+
+@cache
+def references() -> dict[str, tuple[Publication, ...]]:
+    """The publications of each method of ours, which an entry of the file names among its keywords."""
+    from importlib.resources import files  # which takes longer to load than a run's first step
+
+    publications: dict[str, tuple[Publication, ...]] = {}
+    _, *entries = (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8").split("\n\n")
+    for entry in entries:
+        fields = dict(_FIELD.findall(entry))
+        methods = fields.pop("keywords").split(", ")
+        publication = Publication(_KEYWORDS.sub("", entry).rstrip() + "\n", **fields)
+        publications |= {method: (*publications.get(method, ()), publication) for method in methods}
+    return publications
+
+
+def references_of(method: Method) -> tuple[Publication, ...]:
+    """The publications of a method; none for one of a plug-in, which has its `source` alone."""
+    return references().get(method.name, ())

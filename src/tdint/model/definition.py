@@ -15,7 +15,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from tdint.errors import UsageError, did_you_mean, nearest
-from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.damage_states import DamageStates

@@ -26,6 +26,7 @@ from tdint.campaign.fragility.fits import (
     SAME_LEVEL,
     STRIPES,
     Fragility,
+    extrapolated,
     fit_capacities,
     fit_cloud,
     fit_stripes,
@@ -101,8 +102,8 @@ class FragilityResult(Tabular):
 
     @property
     def disagreements(self) -> list[str]:
-        """Where functions and counts part by more than their scatter allows."""
-        return [text for function in self.functions if (text := function.disagreement)]
+        """Where functions and counts part by more than their scatter allows, and what no count stands beside."""
+        return [*(text for fit in self.functions if (text := fit.disagreement)), *extrapolated(self.functions)]
 
     @classmethod
     def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
@@ -550,8 +551,7 @@ def type_runs(
     by: str = TYPE,
     states: DamageStates | None = None,
 ) -> dict[str, TypeRuns]:
-    """The runs of each type or building, by its name; `states` in place of those of the campaign. One building is held
-    at a time."""
+    """The runs of each type or building, by name; `states` in place of the campaign's. One building is held at once."""
     motions = motion_numbers(store.records())
     gathered: dict[str, _Gathered] = {}
     for of in building_damages(store, states):

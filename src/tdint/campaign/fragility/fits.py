@@ -25,7 +25,7 @@ from scipy.special import log_ndtr, ndtr
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
-from tdint.written_numbers import LARGEST, how_many
+from tdint.written_numbers import LARGEST, first_few, how_many
 
 _ITERATIONS = 200
 _CONVERGED = 1e-13
@@ -141,6 +141,7 @@ def _is_flat(hessian: Array) -> bool:
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
 _EQUAL = 1e-9  # dispersions below this are rounding
+_MOST_NAMES = 10  # that a message names
 _TWO_SIDED = 1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
 
 SAME_LEVEL = 1e-6
@@ -320,14 +321,19 @@ class Fragility:
         return replace(self, counted=Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions))
 
     @property
+    def exceeded(self) -> str:
+        """What is exceeded, in words: a state of a type, a threshold, or nothing where the observations tell none."""
+        of_demand = f"threshold {self.threshold:g}" if self.threshold == self.threshold else ""
+        return f"{self.type}, {self.state}" if self.type else of_demand
+
+    @property
     def disagreement(self) -> str:
         """Where function and count part the most, in words; nothing where their scatter allows it."""
         of = self.counted
         if of is None or not np.any(of.apart > _APART):
             return ""
         worst = int(np.argmax(of.apart))
-        about = f"{self.type}, {self.state}: " if self.type else ""
-        about = about or (f"threshold {self.threshold:g}: " if self.threshold == self.threshold else "")
+        about = f"{self.exceeded}: " if self.exceeded else ""
         at = f"{self.im or 'im'} {of.im[worst]:.3g} {self.unit}".rstrip()
         return (
             f"{about}at {at} {100.0 * of.share[worst]:.3g} % of {how_many(round(of.runs[worst]), 'run')} are beyond, "
@@ -372,6 +378,16 @@ class Fragility:
             bounds=(low, high),
             counted=counted,
         )
+
+
+def extrapolated(functions: Sequence[Fragility]) -> list[str]:
+    """A sentence for functions of which no run is beyond, and one for those of which every run is."""
+    said = []
+    for share, runs in ((0.0, "no run"), (1.0, "every run")):
+        names = [fit.exceeded for fit in functions if fit.counted is not None and np.all(fit.counted.share == share)]
+        if names:
+            said.append(f"{runs} is beyond {first_few(names, _MOST_NAMES)}: the median is extrapolated")
+    return said
 
 
 def levels_of(im: Array) -> NDArray[np.intp]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, equal_steps, finest_step, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
@@ -31,7 +31,6 @@ from tdint.ground_motion.formats.series import (
     stated_peak,
 )
 from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
-from tdint.ground_motion.sampling_interval import equal_steps, finest_step
 
 REAL_WIDTH = 10  # letters of a number of the header
 REALS = 50  # in the header of volume 1

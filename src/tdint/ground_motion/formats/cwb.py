@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.lines import NUMBER, Lines, equal_steps, is_row_of_numbers, recognizes
 from tdint.ground_motion.formats.series import (
     CLOCK,
     Series,
@@ -26,7 +26,6 @@ from tdint.ground_motion.formats.series import (
     stated_peak,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
-from tdint.ground_motion.sampling_interval import equal_steps
 
 _STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(

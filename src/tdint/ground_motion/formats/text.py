@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import ROW, Lines, read_lines, recognizes
+from tdint.ground_motion.choice import AS_STATED, SAME_STEP, TextLayout
+from tdint.ground_motion.formats.lines import ROW, Lines, equal_steps, read_lines, recognizes
 from tdint.ground_motion.formats.series import Series, code, motion_scale, motion_units, required_units, to_stream
 from tdint.ground_motion.formats.table_columns import (
     COLUMNS,
@@ -44,8 +45,6 @@ from tdint.ground_motion.formats.table_columns import (
     read_header,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
-from tdint.ground_motion.sampling_interval import equal_steps
-from tdint.ground_motion.text_layout import AS_STATED, SAME_STEP, TextLayout
 from tdint.units import parse_units
 from tdint.written_numbers import how_many
 

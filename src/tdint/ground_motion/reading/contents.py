@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.record import Input
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.ground_motion.formats.lines import equal_steps
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.contents import digested, read_bytes
 from tdint.ground_motion.record import Input
-from tdint.ground_motion.sampling_interval import equal_steps
 from tdint.ground_motion.signal import Signal
 from tdint.units import parse_units
 

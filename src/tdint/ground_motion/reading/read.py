@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
@@ -22,7 +23,6 @@ from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, fil
 from tdint.ground_motion.reading.scale import Motion, are_counts, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.record import IN_SI, UNITS_BY_LOCATION, Input, Record, masked_samples, station_of
 from tdint.ground_motion.signal import Signal
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import parse_units
 from tdint.written_numbers import how_many
 

@@ -6,10 +6,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_folder, keep_input
+from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.horizontals import (
     USUAL,
     Horizontals,
@@ -20,12 +22,10 @@ from tdint.ground_motion.horizontals import (
     told_once,
     with_component,
 )
-from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.written_numbers import first_few
 
 _MOST_NAMES = 10  # that a message names
@@ -164,8 +164,23 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         As of `records_of` and `read_pairs`.
     """
     sources = records_of(named, choice.layout)
-    motions = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
-    return Suite(motions.motions, (*sources.failures, *motions.failures), (*sources.notes, *motions.notes))
+    suite = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
+    again = _counted_twice(suite.records)
+    return Suite(suite.motions, (*sources.failures, *suite.failures), (*sources.notes, *suite.notes, *again))
+
+
+def _counted_twice(records: Sequence[Record]) -> list[str]:
+    """A sentence if records have the same samples: a file beside its folder, a copy under another name."""
+    first: dict[tuple[float, bytes], Record] = {}
+    again = []
+    for record in records:
+        # By a digest: the samples of a large suite need not be compared in pairs.
+        samples = record.dt, sha256(record.acceleration.tobytes()).digest()
+        if (before := first.setdefault(samples, record)) is not record:
+            again.append(f"{record.name} is {before.name}")
+    if not again:
+        return []
+    return [f"the same motion counts more than once in every mean: {first_few(again, _MOST_NAMES)}"]
 
 
 def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:

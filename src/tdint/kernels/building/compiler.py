@@ -72,17 +72,17 @@ them one by one. `rax` has the size, and no register changes. It is in no librar
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.building.plain.inlined`, compiled."""
+    """`tdint.kernels.compiling.inlined`, compiled."""
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
 def specialized(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.building.plain.specialized`, compiled: numba takes a constant argument for a type of its own."""
+    """`tdint.kernels.compiling.specialized`, compiled: numba takes a constant argument for a type of its own."""
     return numba.njit(**_OPTIONS)(function)
 
 
 def called(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.building.plain.called`, compiled: constants are told to it as any other number."""
+    """`tdint.kernels.compiling.called`, compiled: constants are told to it as any other number."""
     once = specialized(function)
     template = once.get_call_template
     once.get_call_template = lambda arguments, named: template(tuple(map(unliteral, arguments)), named)
@@ -90,7 +90,7 @@ def called(function: Callable[..., Any]) -> Any:
 
 
 def called_at(signature: Signature) -> Any:
-    """`tdint.kernels.building.plain.called_at`, compiled: the kernel is its address."""
+    """`tdint.kernels.compiling.called_at`, compiled: the kernel is its address."""
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
@@ -118,13 +118,13 @@ def called_at(signature: Signature) -> Any:
 
 @intrinsic
 def local(typing_context, size):
-    """`tdint.kernels.building.plain.local`, compiled: on the stack."""
+    """`tdint.kernels.compiling.local`, compiled: on the stack."""
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
 
 
 @intrinsic
 def local_table(typing_context, rows, columns):
-    """`tdint.kernels.building.plain.local_table`, compiled: on the stack."""
+    """`tdint.kernels.compiling.local_table`, compiled: on the stack."""
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
 
 

@@ -19,8 +19,17 @@ from typing import Any, TextIO
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import READ, STDIN
-from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, RecordChoice, parse_pad, parse_trim
-from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
+from tdint.ground_motion.choice import (
+    AS_STATED,
+    BASELINES,
+    MOST_CORNERS,
+    MOST_LINES,
+    Processing,
+    RecordChoice,
+    TextLayout,
+    parse_pad,
+    parse_trim,
+)
 from tdint.model.config.sections import (
     DAMAGE,
     DAMPING,
@@ -47,7 +56,7 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
-from tdint.model.keys.document import SourceText, read_document
+from tdint.model.keys.document import SourceText, composed, decode, read_document
 from tdint.model.keys.fields import (
     ANY,
     NOT_NEGATIVE,
@@ -66,7 +75,7 @@ from tdint.model.keys.fields import (
     Words,
     numbered,
 )
-from tdint.model.keys.nodes import Faults, composed, decode
+from tdint.model.keys.nodes import Faults
 from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.methods.references import references_of
+from tdint.methods.catalogue import references_of
 from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text, rows_of
 
 if TYPE_CHECKING:
