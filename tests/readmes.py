@@ -25,7 +25,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, damage_states, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, damage_states, methods, responses, spectra, studies
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
 from tdint_cli.main import GROUPS
@@ -164,8 +164,8 @@ MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:
 def columns():
     """The columns of every table, by command."""
     return {
-        "tdint run": buildings.STORY,
-        "history.csv of tdint run": buildings.history_columns(1, error=True),
+        "tdint run": responses.STORY,
+        "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

@@ -64,8 +64,18 @@ def test_no_result_is_declared_twice():
 def test_a_column_is_declared_in_one_place():
     """Columns are made where their tables are."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
-    subjects = ("buildings", "spectra", "methods", "campaign", "damage_states", "studies", "exports", "table")
-    assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects}
+    subjects = (
+        "buildings",
+        "responses",
+        "spectra",
+        "methods",
+        "campaign",
+        "damage_states",
+        "studies",
+        "exports",
+        "table",
+    )
+    assert makers == {f"src/tdint/output/tables/{name}.py" for name in (*subjects, "table")}
 
 
 def modules():
@@ -187,7 +197,7 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 BUDGET = {
     "cli": (43, 6450),
-    "output": (24, 6250),
+    "output": (25, 6250),
     "campaign": (25, 6050),
     "analysis": (40, 7450),
     "methods": (12, 1750),

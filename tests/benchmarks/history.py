@@ -12,7 +12,7 @@ import numpy as np
 from common import ROOT, least
 
 from tdint import load_model, run
-from tdint.output.tables.buildings import history_columns, write_history
+from tdint.output.tables.responses import history_columns, write_history
 
 MODEL = ROOT / "configs" / "ten-story.yaml"
 

@@ -95,7 +95,7 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
 
 HALF = """
 import sys, time
-from tdint.output.tables import buildings as responses
+from tdint.output.tables import responses
 
 def write_half(history, stream, units, header):
     stream.write(b"time_s")

@@ -112,6 +112,9 @@ def test_files_folders_and_modules_that_are_named_exist(path):
         assert (readmes.ROOT / name).exists(), name
     for name in re.findall(r"`((?:src|cli|tests|tdint)/[\w/.]+)`", text):
         assert any((root / name).exists() for root in (readmes.ROOT, readmes.ROOT / "src")), name
+    for name, file in re.findall(r"`(\w+)` in `((?:cli|tdint)/[\w/]+\.py)`", text):
+        module = next(root / file for root in (readmes.ROOT, readmes.ROOT / "src") if (root / file).exists())
+        assert re.search(rf"^ *(?:def|class) {name}\b", module.read_text(encoding="utf-8"), re.MULTILINE), (name, file)
 
 
 def words(path):

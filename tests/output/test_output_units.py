@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tdint.errors import UsageError
 from tdint.output.summary import in_units
-from tdint.output.tables import buildings
+from tdint.output.tables import responses
 from tdint.output.tables.table import TEXT, Column, Table, describe
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, SI, OutputUnits, parse_output_units, suffix
 
@@ -112,4 +112,4 @@ def test_units_that_are_none(text: str, message: str) -> None:
 def test_spelling_is_free_where_it_is_plain() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
-    assert describe(buildings.STORY)["peak_shear_N"]["unit"] == "N"
+    assert describe(responses.STORY)["peak_shear_N"]["unit"] == "N"

@@ -19,7 +19,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
-from tdint.output.tables import buildings, methods, spectra
+from tdint.output.tables import buildings, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
 from tdint.units import parse_output_units, suffix
 
@@ -67,7 +67,7 @@ def test_story_table():
         peak_displacement=np.array([0.1, 0.2]), peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )  # fmt: skip
-    assert buildings.story_table(peaks).csv().decode() == (
+    assert responses.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
         "peak_total_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
@@ -127,11 +127,11 @@ def test_mode_table():
 @pytest.mark.parametrize("stories", [1, 3])
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
-    monkeypatch.setattr(buildings, "_ROWS_AT_ONCE", rows_at_once)
+    monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
     whole = history(5, stories)
     whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
     stream = io.BytesIO()
-    buildings.write_history(whole, stream)
+    responses.write_history(whole, stream)
     rows = read(stream.getvalue())
     floors = (("displacement", "displacement_m"), ("velocity", "velocity_m_s"))
     floors += (("acceleration", "absolute_acceleration_m_s2"),)

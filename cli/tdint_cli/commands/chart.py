@@ -181,7 +181,7 @@ def command(request: Request) -> None:
         return
     refuse_idle(_SIZES if request.stories else _ONE, MODES)
     building = _check(request)
-    from tdint.analysis.run.run import model_record
+    from tdint.analysis.given import model_record
     from tdint.model.config.model_file import load_model
 
     model = with_motion(load_model(building.model), building)

@@ -279,7 +279,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     if records:
         motions = read_motions(record_files)
     else:
-        from tdint.analysis.run.run import model_record
+        from tdint.analysis.given import model_record
         from tdint.ground_motion.reading.suites import suite_motions
 
         # The model's own record, unscaled: the levels are those of --scale.

@@ -112,8 +112,9 @@ def command(request: Request) -> None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
+    from tdint.analysis.given import model_record
     from tdint.analysis.run.outcome import FailedRun
-    from tdint.analysis.run.run import model_record, prepare
+    from tdint.analysis.run.run import prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summary import model_input
 
@@ -194,13 +195,13 @@ def _remark(record: Record | None, notes: Sequence[str]) -> None:
 def _check_room(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError for a history that the disk cannot hold."""
     if file := request.history_file:
-        columns = len(tables.buildings.history_columns(stories, bool(request.check)))
+        columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
 
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    return tables.buildings.response_table(response).in_units(request.units_shown)
+    return tables.responses.response_table(response).in_units(request.units_shown)
 
 
 def _files(
@@ -219,7 +220,7 @@ def _files(
     if (file := request.history_file) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
         kept = (piece if request.check else replace(piece, error=None) for piece in pieces(request.every))
-        files[file] = lambda stream: tables.buildings.write_pieces(kept, stream, units)
+        files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(
             response, Path(request.output), units, plot=request.plot is not None, export=request.export_floors

@@ -82,6 +82,18 @@ def record_of(given: Any) -> Record:
     )
 
 
+def model_record(model: Model) -> Record | None:
+    """The ground motion that the model names, processed and scaled; None if it names none."""
+    source = model.excitation.record
+    if source is None:
+        return None
+    from tdint.ground_motion.processing_steps import processed
+    from tdint.ground_motion.reading.read import read_record
+
+    record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
+    return record.scaled(source.scale) if source.scale != 1.0 else record
+
+
 def horizontals_of(given: Any) -> Horizontals:
     """A pair of components, or that of a sequence of two records or paths. Errors are those of `record_of`, and of
     `find_horizontals`."""

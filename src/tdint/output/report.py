@@ -23,8 +23,8 @@ from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
 from tdint.output.summary import campaign_summary, versions
-from tdint.output.tables.buildings import story_table
 from tdint.output.tables.campaign import profile_error_table, profile_table
+from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output.tables.table import CORRECTED, TEXT, Cell, Table, converted
 from tdint.units import SI, OutputUnits, suffix

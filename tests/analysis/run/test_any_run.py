@@ -19,7 +19,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
 from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
-from tdint.output.tables.buildings import history_columns, story_table
+from tdint.output.tables.responses import history_columns, story_table
 
 RUNS, USUAL = 500, 100
 BATCH = 50

@@ -14,7 +14,7 @@ from tdint.analysis.run.run import run
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Law
-from tdint.output.tables.buildings import write_history, write_pieces
+from tdint.output.tables.responses import write_history, write_pieces
 
 ONE = [story(2.0e4, 2.0e7)]
 THREE = [*ONE, story(2.0e4, 2.0e7, Law("bilinear", (4.0e4, 0.05))), story(2.0e4, 1.5e7, dashpot=2.0e4)]

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from tdint.analysis.given import model_record
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import model_record, run_case
+from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, OutputError, UsageError

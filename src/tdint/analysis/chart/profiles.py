@@ -35,9 +35,8 @@ from tdint.analysis.chart.work_precision import (
     suited,
     within,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.run.outcome import FailedRun, StoryPeaks
-from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse

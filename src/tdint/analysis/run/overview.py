@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tdint.analysis.given import AnyModel, model_of
+from tdint.analysis.given import AnyModel, model_of, model_record
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -100,8 +100,6 @@ def overview(source: str | Path) -> Overview:
     # The ground motion that it names, processed and scaled; standard input is not read for a look.
     pga, source_of_record = math.nan, model.excitation.record
     if source_of_record is not None and source_of_record.file != "-":
-        from tdint.analysis.run.run import model_record
-
         record = model_record(model)
         pga = record.pga if record else math.nan
     period, warnings = 2.0 * math.pi / omega, doubts(model, building, pga)

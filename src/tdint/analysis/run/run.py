@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
@@ -15,7 +15,6 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import Steps
 from tdint.errors import UsageError
-from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
@@ -242,14 +241,3 @@ def run_case(
     if check is False:
         return case.march(steps, history)
     return checked_run(case, steps, history, repeat=check is not None)
-
-
-def model_record(model: Model) -> Record | None:
-    """The ground motion that the model names, processed and scaled; None if it names none."""
-    source = model.excitation.record
-    if source is None:
-        return None
-    from tdint.ground_motion.reading.read import read_record  # not where only motions in arrays are given
-
-    record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
-    return record.scaled(source.scale) if source.scale != 1.0 else record

@@ -56,7 +56,7 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
-from tdint.model.keys.document import SourceText, read_document
+from tdint.model.keys.document import SourceText, composed, decode, read_document
 from tdint.model.keys.fields import (
     ANY,
     NOT_NEGATIVE,
@@ -75,7 +75,7 @@ from tdint.model.keys.fields import (
     Words,
     numbered,
 )
-from tdint.model.keys.nodes import Faults, composed, decode
+from tdint.model.keys.nodes import Faults
 from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
 

@@ -1,20 +1,23 @@
 """A file of keys from its text to its root: what reading one begins with, whatever its keys are.
 
-The text comes from a file, standard input or a stream; paths in it start from its folder.
+The text comes from a file, standard input or a stream; paths in it start from its folder. Nodes are built from PyYAML's
+events; no Python object is ever constructed from a tag.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+import yaml
+
 from tdint.errors import ModelError
 from tdint.files import is_named_pipe, note_input
 from tdint.model.keys.fields import Value
-from tdint.model.keys.nodes import Faults, decode, nodes_of, parse, text_of
+from tdint.model.keys.nodes import MAX_DEPTH, Faults, ListNode, MappingNode, Node, Place, ScalarNode, nodes_of, text_of
 
 MAX_BYTES = 16 * 1024 * 1024
 """Size of the largest model file that is read; it keeps a wrong path, such as a device, from filling the memory."""
@@ -104,3 +107,137 @@ def read_document(
     origin = read_source(source, kind)
     faults = Faults(origin.label, kind, needs, origin.folder)
     return origin, Value(parse(decode(origin.data, faults), faults), "", faults)
+
+
+def parse(text: str, faults: Faults) -> Node:
+    """Return the root node of the only document in `text`.
+
+    Tags are collected in `faults`. Everything else that is not the YAML of a model file stops the reading.
+
+    Raises
+    ------
+    ModelError
+        If `text` is not YAML, is empty, holds several documents, nests too deeply or has an alias without an anchor.
+    """
+    try:
+        return _Composer(text, faults).document()
+    except yaml.reader.ReaderError as error:
+        line, column = _line_and_column(text[: error.position])
+        message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
+        faults.add(Place(line, column), "", message)
+    except yaml.MarkedYAMLError as error:
+        # PyYAML's several lines as one, and what to do about a tab.
+        mark, problem = error.problem_mark or error.context_mark, error.problem_mark
+        parts = [str(part) for part in (error.context, error.problem) if part]
+        message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
+        if problem is not None and text[problem.index : problem.index + 1] == "\t":
+            message += "; indent with spaces, not tabs"
+        faults.add(Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1), "", message)
+    raise faults.error()
+
+
+def decode(data: bytes, faults: Faults) -> str:
+    """Return `data` as text, without a byte order mark.
+
+    Raises
+    ------
+    ModelError
+        If `data` is not UTF-8.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
+        byte = error.object[error.start]
+        faults.add(Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.kind} as UTF-8")
+    raise faults.error()
+
+
+def composed(text: str) -> Any:
+    """The root of a document that `parse` has taken, as PyYAML has it: nodes know where they begin and end."""
+    return yaml.compose(text, Loader=yaml.SafeLoader)
+
+
+class _Composer:
+    """Builds nodes from the events of PyYAML's parser."""
+
+    def __init__(self, text: str, faults: Faults) -> None:
+        self._loader = yaml.SafeLoader(text)
+        self._faults = faults
+        self._anchors: dict[str, Node | None] = {}
+
+    def document(self) -> Node:
+        """The root of the only document."""
+        self._next()  # the start of the stream
+        start = self._next()
+        if isinstance(start, yaml.StreamEndEvent):
+            raise self._refusal(start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}")
+        root = self._node(self._next(), 0)
+        self._next()  # the end of the document
+        following = self._next()
+        if not isinstance(following, yaml.StreamEndEvent):
+            raise self._refusal(following, f"a second YAML document begins here; a {self._faults.kind} holds one")
+        return root
+
+    def _next(self) -> yaml.Event:
+        try:
+            event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
+        except (ValueError, OverflowError):
+            # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a thousand digits.
+            # Which of them, and in which words, is a matter of Python's version.
+            problem = "the number here is too large for a character or a version"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=self._loader.get_mark()) from None
+        return event
+
+    def _refusal(self, event: yaml.Event, message: str) -> ModelError:
+        self._faults.add(_event_place(event), "", message)
+        return self._faults.error()
+
+    def _node(self, event: yaml.Event, depth: int) -> Node:
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self._anchors:
+                raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
+            if (shared := self._anchors[event.anchor]) is None:
+                raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
+            return shared
+        if depth > MAX_DEPTH:
+            raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
+        assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        if event.tag is not None:
+            message = f"the tag {_short(event.tag)} is not allowed; write the value without it"
+            self._faults.add(_event_place(event), "", message)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = None  # not complete yet: an alias inside it would never end
+        node = self._content(event, depth)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = node
+        return node
+
+    def _content(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent, depth: int) -> Node:
+        place = _event_place(event)
+        if isinstance(event, yaml.ScalarEvent):
+            return ScalarNode(place.line, place.column, event.value, plain=not event.style)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
+        children = self._children(yaml.MappingEndEvent, depth)
+        # zip draws key and value in turn from the one iterator.
+        return MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
+
+    def _children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
+        while not isinstance(event := self._next(), end):
+            yield self._node(event, depth + 1)
+
+
+def _short(text: str) -> str:
+    """Text from the file for a message: one line, not long."""
+    return text if len(text) <= 60 and text.isprintable() else repr(text[:60]) + ("..." if len(text) > 60 else "")
+
+
+def _line_and_column(text: str) -> tuple[int, int]:
+    """The place right after `text`, counted from 1."""
+    return text.count("\n") + 1, len(text) - text.rfind("\n")
+
+
+def _event_place(event: yaml.Event) -> Place:
+    assert event.start_mark is not None
+    return Place(event.start_mark.line + 1, event.start_mark.column + 1)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from tdint.output.tables import buildings as buildings
     from tdint.output.tables import campaign as campaign
     from tdint.output.tables import methods as methods
+    from tdint.output.tables import responses as responses
     from tdint.output.tables import spectra as spectra
     from tdint.output.tables import studies as studies
 

@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
-from tdint.output.tables.buildings import STORY, STORY_CORRECTED, STORY_ERROR
+from tdint.output.tables.responses import STORY, STORY_CORRECTED, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,

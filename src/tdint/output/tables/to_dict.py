@@ -43,7 +43,7 @@ from tdint.ground_motion.record import Record
 from tdint.methods.method import Integrator
 from tdint.model.inventory import InventoryBuilding
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, campaign, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
 from tdint.output.tables.spectra import RecordInfo
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
 from tdint.tabular import Several, optional
@@ -222,9 +222,9 @@ _values.register(FragilityResult, lambda result: studies.fragility_table(result.
 _values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
 _values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
 _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
-_values.register(Response, lambda result: buildings.response_table(result).by_column())
+_values.register(Response, lambda result: responses.response_table(result).by_column())
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
-_values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
+_values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
 for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):
     _values.register(_spectrum, partial(_of, (*OF_RECORD, *columns_of(_spectrum))))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
@@ -296,8 +296,8 @@ def _(result: Modes) -> _Values:
 def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for place, columns in buildings.history_groups(error):
+    for place, columns in responses.history_groups(error):
         arrays = [column.of(result) for column in columns]
         # A column for each floor or story, in the order of the CSV file.
         values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
-    return list(zip(buildings.history_columns(stories, error), values, strict=True))
+    return list(zip(responses.history_columns(stories, error), values, strict=True))
