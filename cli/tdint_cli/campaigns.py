@@ -244,12 +244,12 @@ class Profiles:
             That they are beyond, or not known yet, if that is required not to be.
         """
         limit = self.request.limit
-        every, done = int(self.store.meta("runs")), sum(self.store.statuses().values())
         # Judged by some of the motions alone a building might pass that the others bring down.
-        if done < every:
+        if left := unfinished(self.store):
             if limit is None:
+                note(f"{left}: what is of all motions (means, pictures, pages) comes with the last one")
                 return []
-            text = f"the drift limit of {100.0 * limit:g} % is not judged: {done} of {how_many(every, 'run')} are done"
+            text = f"the drift limit of {100.0 * limit:g} % is not judged: {left}"
             if self.request.require:
                 return [AnalysisError(text)]
             warn(text)
@@ -411,9 +411,21 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     return [*pages, *more]
 
 
+def unfinished(store: Store) -> str:
+    """How many runs of a campaign are done, in words; nothing if all are."""
+    every, done = int(store.meta("runs")), sum(store.statuses().values())
+    return f"{done} of {how_many(every, 'run')} are done" if done < every else ""
+
+
+def warn_unfinished(store: Store) -> None:
+    """What is fitted to some of the runs would be taken for that of all."""
+    if left := unfinished(store):
+        warn(f"{store.name}: {left}: what follows is of these alone")
+
+
 def is_complete(store: Store) -> bool:
     """Whether all runs of a campaign are done: a mean over some of the motions would be taken for that of all."""
-    return sum(store.statuses().values()) == int(store.meta("runs"))
+    return not unfinished(store)
 
 
 def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bool) -> None:

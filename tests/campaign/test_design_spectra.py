@@ -77,6 +77,7 @@ def test_a_national_annex_and_damping():
         ("ASCE7:sds=1,sd1=x,tl=8", "sd1 must be a positive number, got 'x'"),
         ("asce7:sds=1,sd1=0.5,tl=0.5", "tl = 0.5 s must be longer than TS"),
         ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is given twice"),
+        ("asce7:sds=9.80665,sd1=5.9,tl=8", "sds = 9.80665: it is in g; did you mean 1?"),
         ("ec9:type=1", "no design spectrum 'ec9'; there are asce7, mcer, ec8"),
         ("ec8:type=3,soil=B,ag=0.25g", "type must be 1 or 2"),
         ("ec8:type=1,soil=F,ag=0.25g", "soil must be one of A, B, C, D, E"),

@@ -191,14 +191,18 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
 
 
 def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> None:
-    tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
+    """What has not been run is told by whoever writes of the runs, or fits to them."""
+    first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
     assert 4 <= done < RUNS
+    told, asked = f"{done} of {RUNS} runs are done", (["campaign", "export"], ["fragility"], ["sensitivity"])
+    assert told in first.stderr and all(told in tdint(*command, "part").stderr for command in asked)
     status = tdint("campaign", "status", "part")
     assert status.stdout == f"status,runs\ndone,{done}\nleft,{RUNS - done}\n"
     assert f"{done} of {RUNS} runs done" in status.stderr
     rest = tdint("campaign", "study.yaml", "-o", "part")
     assert f"{RUNS - done} runs in " in rest.stderr and f"{done} before" in rest.stderr
+    assert not any("runs are done" in tdint(*command, "part").stderr for command in asked)
     assert Path("part/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
     again = tdint("campaign", "study.yaml", "-o", "part", code=0)
     assert f"{RUNS} runs done before: nothing to do" in again.stderr

@@ -54,7 +54,7 @@ def test_table_and_picture(here, tdint, name, suffix):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
+        (["-o", "x.xlsx"], 2, "-o x.xlsx: a table is written as CSV, to a .csv or .csv.gz"),
         (["-o", ""], 2, "-o is empty"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, "),
         (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),

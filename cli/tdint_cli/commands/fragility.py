@@ -137,6 +137,12 @@ def command(request: Request) -> None:
     """
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
+    if (Path(request.table) / "campaign.sqlite").is_file():
+        from tdint.campaign.store import open_existing
+        from tdint_cli.campaigns import warn_unfinished
+
+        with open_existing(Path(request.table)) as store:
+            warn_unfinished(store)
     (_compare if several else _fragility)(request)
 
 

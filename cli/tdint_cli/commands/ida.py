@@ -290,6 +290,7 @@ def _report(study: IdaStudy, precision: float) -> None:
         note("nothing to do: all records were done")
     elif study.resumed:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
+    options.analysis.warn_of(study.model)
     note(*study.remarks)
     records = how_many(len(study.states[0].curves), "record")
     say(

@@ -51,6 +51,7 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
     loaded = load_model(model)
     outputs = outputs.else_in(loaded.output_units)
+    options.analysis.warn_of(loaded)
     if target is not None:
         _peaks(loaded, target, outputs)
         return

@@ -67,6 +67,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
     outputs = outputs.else_in(loaded.output_units)
+    options.analysis.warn_of(loaded)
     units = outputs.shown_units
     # With a target the table is that of its displacements; the curve goes into the picture alone.
     if target is None:

@@ -89,9 +89,11 @@ def command(building: str, outputs: Outputs, **given: Any) -> None:
         from tdint.campaign.store import check_chunks, open_existing
         from tdint.output.tables.studies import CORRELATIONS
         from tdint.output.tables.table import Table
+        from tdint_cli.campaigns import warn_unfinished
 
         with open_existing(Path(building)) as store:
             check_chunks(store)
+            warn_unfinished(store)
             note_input(store.name, lambda: digest_of(Path(store.name)))
             correlations = rank_correlations(store)
         outputs.deliver(Table.of_results(CORRELATIONS, correlations))

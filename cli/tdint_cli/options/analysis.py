@@ -14,7 +14,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Name, Ratio
 from tdint_cli.options.record import RecordRequest
-from tdint_cli.terminal import note
+from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -218,6 +218,14 @@ class BuildingRequest(RecordRequest):
     record: str | None
     scale: tuple[float, ...] | None
     duration: float | None
+
+
+def warn_of(model: Model) -> None:
+    """What is unusual of a building, mostly a unit that was mistaken: its periods and forces are believed, too."""
+    from tdint.model.building import assemble
+    from tdint.model.plausibility import mistakable
+
+    warn(*mistakable(model, assemble(model)))
 
 
 def check_motion(request: BuildingRequest) -> None:

@@ -36,6 +36,9 @@ SUFFIX = ".png"
 
 TABLE = "Write the table to this file instead of standard output."
 
+_NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
+"""Ends of names that say of a table what it is not: whoever opens it is told that the file is damaged."""
+
 
 def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
     """The option -o; what it names differs between the commands."""
@@ -57,6 +60,8 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
     if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
         raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
+    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not is_folder:
+        raise UsageError(f"-o {value}: a table is written as CSV, to a .csv or .csv.gz; a picture is --plot=FILE.png")
     if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(

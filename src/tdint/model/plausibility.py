@@ -96,6 +96,19 @@ DUCTILITY = Usual(
 def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str, ...]:
     """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each; and what can be said of its
     stories before it is run: P-delta beyond the stiffness after yield, isolators that nothing brings back."""
+    told = mistakable(model, building, pga)
+    # Such a building may end anywhere: no error of the method.
+    loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
+    if loose:
+        told.append(
+            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing brings it back to "
+            "its place, residual drifts are the motion's chance; give it hardening"
+        )
+    return (*told, *falling_stories(model))
+
+
+def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[str]:
+    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each."""
     omega, damping = building.first_mode()
     told = []
     for bound, value in (
@@ -108,17 +121,8 @@ def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str
             told.append(bound.told(bound.text(value)))
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
-    stiffness = np.array([story.stiffness for story in model.stories])
-    told += unusual_stories(HEIGHT, building.heights)
-    told += unusual_stories(STRENGTH, building.yield_drift * stiffness / weight)
-    # Such a building may end anywhere: no error of the method.
-    loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
-    if loose:
-        told.append(
-            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing brings it back to "
-            "its place, residual drifts are the motion's chance; give it hardening"
-        )
-    return (*told, *falling_stories(model))
+    strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
+    return [*told, *unusual_stories(HEIGHT, building.heights), *unusual_stories(STRENGTH, strength / weight)]
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:

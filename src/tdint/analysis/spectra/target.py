@@ -33,6 +33,9 @@ _NAMED = re.compile(r"([A-Za-z]\w*)(?::(\w+=.*)?)?", re.DOTALL)
 _MCER = 1.5
 """The risk-targeted maximum considered earthquake over the design spectrum (ASCE 7-16, 11.4.7)."""
 
+_LARGEST_SDS = 5.0
+"""g; the maps of ASCE 7 have less than 3. What is larger was taken for m/s^2, in which 1 g is 9.8."""
+
 _GROUND = {
     "1": {
         "A": (1.0, 0.15, 0.4, 2.0),
@@ -104,6 +107,8 @@ def design_spectrum(text: str) -> DesignSpectrum | None:
 def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
     """The two-period design spectrum (ASCE 7-10, 7-16, 11.4), times a factor."""
     sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
+    if sds > _LARGEST_SDS:
+        raise UsageError(f"sds = {sds:g}: it is in g; did you mean {sds / STANDARD_GRAVITY:.3g}?")
     ts = sd1 / sds
     if not ts < tl:
         raise UsageError(f"tl = {tl:g} s must be longer than TS = sd1/sds = {ts:.4g} s")
