@@ -9,7 +9,6 @@ from csv_rows import rows
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
-from tdint.model.story_curves import fit_story, read_story_curves
 from tdint.units import STANDARD_GRAVITY
 
 
@@ -72,24 +71,6 @@ def test_a_falling_curve_in_four_points(folder, tdint):
         assert points[:, 1] == pytest.approx(1e3 * factor * np.array(shear[1:]), rel=1e-3)
     assert len(tdint("law", "b.yaml", "--drift", "20mm", "--story", "1").stdout.splitlines()) > 10
     tdint("run", "b.yaml", "-o", "out", code=0)
-
-
-def test_the_misfit_is_the_root_mean_square_of_what_is_left(folder):
-    """Of a curve that is no bilinear law; no law of a grid of them comes closer."""
-    curves("three.csv", ([0, 10, 40, 80], [0, 1000, 1400, 1400]))
-    (drift, shear) = read_story_curves("three.csv")[1]
-    fit = fit_story(1, drift, shear, "bilinear")
-    (_, strength, _), (_, hardening, _) = fit.law.parameters
-
-    def left(k: float, fy: float, h: float) -> float:
-        law = np.where(drift < fy / k, k * drift, fy + h * k * (drift - fy / k))
-        return float(np.sqrt(np.mean((law - shear) ** 2)) / shear.max())
-
-    assert left(fit.law.stiffness, strength, hardening) == pytest.approx(fit.misfit, rel=1e-6)
-    near = np.linspace(0.9, 1.1, 11)
-    factors = np.array(np.meshgrid(near, near, near)).reshape(3, -1).T
-    others = [left(a * fit.law.stiffness, b * strength, c * hardening) for a, b, c in factors]
-    assert min(others) >= fit.misfit * (1.0 - 1e-9)
 
 
 BAD_CURVES = {

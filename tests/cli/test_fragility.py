@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from csv_rows import rows
@@ -145,23 +144,6 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
 def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
     tdint.refused(message, "fragility", "t.csv", *arguments, code=code)
-
-
-def test_the_line_of_a_cloud_is_written(folder, tdint):
-    """b0, b1 and sigma are those of least squares of ln EDP where nothing is censored, also in other units."""
-    im, edp = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.array([0.011, 0.018, 0.033, 0.037, 0.052])
-    lines = [f"{x},{y},m/s^2" for x, y in zip(im, edp, strict=True)]
-    (folder / "cloud.csv").write_text("\n".join(["im,edp,unit", *lines]) + "\n")
-    design = np.column_stack([np.ones(5), np.log(im)])
-    (b0, b1), (square,), *_ = np.linalg.lstsq(design, np.log(edp), rcond=None)
-    (row,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%").stdout)
-    assert [float(row[name]) for name in ("b0", "b1", "sigma")] == pytest.approx(
-        [b0, b1, np.sqrt(square / 5)], rel=1e-9
-    )
-    assert float(row["theta"]) == pytest.approx(np.exp((np.log(0.02) - b0) / b1), rel=1e-9)
-    (other,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%", "--output-units", "N,m,g").stdout)
-    assert float(other["b0"]) == pytest.approx(b0 + b1 * np.log(9.80665), rel=1e-9)
-    assert (other["b1"], other["sigma"]) == (row["b1"], row["sigma"])
 
 
 def test_runs_in_other_units_are_understood(folder, tdint):

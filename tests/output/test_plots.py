@@ -107,6 +107,8 @@ def test_the_panels_of_a_level_stand_at_the_same_height():
     """A floor is where the story below it ends."""
     drifts, accelerations, shears = profile_picture([of_suite("frame", 3, 0)]).axes
     assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
+    assert {tuple(line.get_ydata()) for line in drifts.lines} == {(0.5, 1.5, 1.5, 2.5), ()}
+    assert {tuple(line.get_ydata()) for line in accelerations.lines} == {(1.5, 2.5), ()}
 
 
 def test_no_bar_of_a_tornado_hides_behind_another():

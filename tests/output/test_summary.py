@@ -12,7 +12,7 @@ from tdint import prepare, run_case, spectrum
 from tdint.analysis.run.outcome import FailedRun, StoryErrors, StoryPeaks
 from tdint.analysis.spectra.elastic import first_mode
 from tdint.model.building import assemble
-from tdint.output.run_summary import MEANINGS, failure_summary, peak_errors, peaks, run_summary
+from tdint.output.run_summary import MEANINGS, failure_summary, peak_errors, run_summary
 from tdint.output.summary import json_bytes
 
 
@@ -25,26 +25,6 @@ def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
     assert data.endswith(b"}\n")
     assert json.loads(data) == {
         "b": 0.333333333333, "a": None, "c": [None, 0.1, 0.0], "d": {"x": True, "y": None, "z": 7},
-    }  # fmt: skip
-
-
-def test_peaks_name_story_and_pass_over_what_is_missing():
-    nan = math.nan
-    three = np.array([1.0, 3.0, 2.0])
-    found = peaks(
-        StoryPeaks(
-            height=np.array([nan, 3.0, 3.0]), peak_drift=three, peak_drift_ratio=np.array([nan, 0.1, 0.2]),
-            residual_drift=np.array([0.0, 0.1, -0.5]), peak_shear=three * 10.0, peak_damper_force=three,
-            peak_total_shear=three * 11.0, ductility=np.full(3, nan), peak_displacement=np.array([0.1, 0.2, 0.15]),
-            peak_velocity=three, peak_acceleration=np.array([4.0, 1.0, 2.0]),
-        )
-    )  # fmt: skip
-    assert found == {
-        "roof_displacement_m": 0.15, "base_shear_N": 10.0, "total_base_shear_N": 11.0, "drift_m": 3.0,
-        "drift_story": 2, "drift_ratio": 0.2, "drift_ratio_story": 3, "residual_drift_m": 0.5,
-        "residual_drift_story": 3, "residual_drift_ratio": 0.5 / 3.0, "residual_drift_ratio_story": 3,
-        "ductility": None, "ductility_story": None, "floor_absolute_acceleration_m_s2": 4.0,
-        "floor_absolute_acceleration_floor": 1, "peak_damper_force_N": 3.0, "peak_damper_force_story": 2,
     }  # fmt: skip
 
 

@@ -229,3 +229,16 @@ def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
     own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
     (story,) = load_model({"stories": [{"mass": 1, "law": law, **own}]}).stories
     assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {words}"
+
+
+def test_dashpots_of_a_model_say_their_law():
+    power = {"coefficient": 8e3, "exponent": 0.5, "linear_below": 0.01}
+    stories = [{"mass": 1.0, "stiffness": 1e6} | more for more in ({"dashpot": 5e3}, {"dashpot": power}, {})]
+    model = load_model({"stories": stories})
+    assert [row[-1] for row in buildings.model_table(model).rows] == [
+        "5000 v (N; v in m/s)",
+        "8000 v^0.5 (N; v in m/s)",
+        "",
+    ]
+    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s)"
+    assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == words
