@@ -55,10 +55,13 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+    import legible
+
     whole = Figure.savefig
 
     def save(self: Figure, *arguments: Any, **options: Any) -> None:
         self.set_layout_engine(None)
+        legible.check(self)
         whole(self, *arguments, **options | ({"dpi": 40} if options.get("format") == "png" else {}))
 
     if "laid_out" not in request.fixturenames:

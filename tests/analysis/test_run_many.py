@@ -10,7 +10,7 @@ import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.run_many import KEPT
-from tdint.errors import ModelError, UsageError
+from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.model.definition import RayleighRatio
 from tdint.units import STANDARD_GRAVITY
 
@@ -32,6 +32,13 @@ def falling():
 
 MODELS = [ten_bilinear(), small(), ten_linear()]
 RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
+
+
+def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monkeypatch):
+    """Three runs of 150 rows of 2 stories, 8 bytes a number."""
+    monkeypatch.setattr("tdint.analysis.run.run_many.available_memory", lambda: 1e3)
+    with pytest.raises(AnalysisError, match=r"the histories of 3 runs take 7\.2e-06 GB of memory, 1e-06 GB are free"):
+        tdint.run_many(small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift")
 
 
 @pytest.fixture(scope="module")

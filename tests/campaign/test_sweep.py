@@ -106,6 +106,18 @@ def test_what_cannot_be_changed_is_told(model, changes, message):
         model.replace(**changes)
 
 
+def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
+    """Each is in range; the ultimate force is less than that at yield."""
+    law = {"type": "trilinear-pinching", "yield_force": 3e4, "ultimate_force": 5e4, "ultimate_drift": 0.05}
+    law |= {"pinching": 0.5, "unloading": 0.0}
+    model = tdint.load_model(MODEL | {"stories": [{**STORY, "law": law, "repeat": 2}]})
+    name, told = "stories[2].law.yield_force", "frame: story 2 cannot be varied so: "
+    with pytest.raises(UsageError, match=told):
+        model.replace(**{name: 6e4})
+    with pytest.raises(UsageError, match=rf"{told}.* \(draw 2\)"):
+        tdint.run_many(model, records[0], vary={name: [2e4, 6e4]})
+
+
 def test_nothing_to_act_on_is_told():
     plain = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
     for change, message in (("damping", "damping has no ratio to vary"), ("strength_factor", "has nothing to act on")):
@@ -204,6 +216,13 @@ def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
         for value, peak in ((one.low, one.at_low), (one.high, one.at_high)):
             run = tdint.run(model.replace(**{one.parameter: value}), records[0])
             assert math.isclose(run.stories.peak_drift_ratio.max(), peak, rel_tol=1e-9)
+
+
+def test_variations_are_called_by_their_values_and_the_number_of_their_draw(model):
+    random = {"mass_factor": Distribution("uniform", 0.9, 1.1)}
+    sweep = ParameterSweep({"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,))
+    labels = [varied.label for varied in sweep.of([model])]
+    assert labels == [f"damping={ratio}, draw {draw}, bathe, dt=0.01" for ratio in (0.02, 0.05) for draw in (1, 2)]
 
 
 def test_ranks_of_a_monotonic_response(records):

@@ -162,7 +162,10 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, n
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
+    import legible
+
     def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
+        legible.check(self)
         panels = [panel for whole in self.axes for panel in (whole, *whole.child_axes)]
         texts = [*self.texts, *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis))]
         texts += [child for panel in panels for child in panel.get_children() if isinstance(child, Text)]

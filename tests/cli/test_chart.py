@@ -51,7 +51,8 @@ def test_table_words_and_files(folder, tdint, drawn):
     assumed, *lines = (line for line in result.stderr.splitlines() if not line.startswith(passing))
     assert assumed.startswith("Warning: motion.mseed: ")
     assert lines[0].startswith("2 stories: the reference is impulse4 with dt ")
-    assert "newmark-average extrapolated from dt" in lines[0]
+    told = re.search(r"impulse4 with dt (\S+) s.* newmark-average extrapolated from dt (\S+) and (\S+) s", lines[0])
+    assert [float(told[1]) / float(told[i]) for i in (2, 3)] == pytest.approx([4.0, 8.0], rel=1e-3)
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
         assert re.fullmatch(rf"For {limit} % \(peak-drift\): .* with dt 0.0[12] s, .* ms, error .* %\.", line)
     assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")

@@ -120,6 +120,15 @@ def test_a_model_with_a_capacity_curve(curve):
     model = load_model(curve / "model.yaml")
     facts = CapacityFacts(DEMO, 3, 9.0, 3e5, soft_story=True, degradation=True)
     assert model.stories == derive_capacity(facts).stories
+    # Of Martins and Silva's stories: pinching on both sides, and what cycles take of strength and stiffness.
+    pinching, losses = (
+        [0.5, 0.25, 0.05] * 2,
+        [0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9],
+    )
+    for story, drifts in zip(model.stories, derive_capacity(facts).drifts, strict=True):
+        assert story.law.parameters[16:] == (*pinching, drifts[-1], *losses, 10.0)
+    intact = derive_capacity(CapacityFacts(DEMO, 1)).stories[0].law.parameters
+    assert intact[23:] == (*(0.0, 0.0, 1.0, 1.0, 0.0) * 3, math.inf)
     assert assemble(model).modes().omega[0] == pytest.approx(2.0 * math.pi / DEMO.period, rel=1e-13)
 
 

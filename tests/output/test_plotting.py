@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.special import ndtr
 
 import tdint
 from tdint.errors import OutputError, UsageError
@@ -33,7 +34,7 @@ def results():
         "modes": tdint.modes(model),
         "law": tdint.cyclic_test(model, 1, ["1%"]),
         "pushover": pushed,
-        "target displacements": tdint.target_displacements(pushed, "asce7:sds=0.2,sd1=0.1,tl=8"),
+        "target displacements": tdint.target_displacements(pushed, "asce7:sds=1.0,sd1=0.8,tl=8"),
         "spectrum": tdint.spectrum(record, PERIODS),
         "inelastic": tdint.constant_ductility(record, PERIODS[-2:], [2.0]),
         "drifts": tdint.drift_spectrum(record, PERIODS),
@@ -86,6 +87,96 @@ def test_what_is_drawn_is_the_result(results):
     assert any(np.allclose(line.get_xdata(), drift) for line in inches.lines if len(line.get_xdata()) == drift.size)
     assert len(results["run"].plot().axes) > len(results["peaks"].plot().axes)
     assert len(tdint.plot([spectrum, spectrum]).axes[0].lines) == 2
+
+
+def lines_of(results):
+    """By result, panel and line the numbers across and along, in the units of the picture."""
+    record, run, law, pushed = (results[name] for name in ("record", "run", "law", "pushover"))
+    targets, rates, sharing = results["target displacements"], results["drifts"], results["overshoot"]
+    history, peaks, curve = run.history, run.stories, results["stability"]
+    time, g = np.arange(record.acceleration.size) * record.dt, STANDARD_GRAVITY
+    yield (("record", 0, 0), time, record.acceleration / g)
+    yield (("run", 0, 0), time, record.acceleration / g)
+    roof = history.displacement[:, -1]
+    yield (("run", 1, 0), history.time, roof)
+    at = np.argmax(np.abs(roof))
+    yield (("run", 1, 1), [history.time[at]], [roof[at]])
+    yield (("run", 2, 0), history.time, run.energy.start + history.energy.input)
+    yield (("run", 4, 0), np.array([record.pga, *peaks.peak_acceleration]) / g, [0.5, 1.5, 2.5])
+    yield (("run", 6, 0), history.drift[:, 0], history.shear[:, 0])
+    for mode, shape in enumerate(results["modes"].normalized("roof").T, start=1):
+        yield (("modes", 0, mode), [0.0, *shape], [0, 1, 2])
+    yield (("law", 0, 2), law.path.drift, law.path.shear)
+    for line, energy in enumerate((law.path.dissipated, law.path.recoverable)):
+        yield (("law", 1, line), np.linspace(0.0, 1.0, energy.size), energy)
+    yield (("pushover", 0, 1), pushed.roof_displacement, pushed.base_shear)
+    yield (("pushover", 0, 2), [pushed.roof_at_largest], [pushed.largest_base_shear])
+    for line, made in zip((3, 5), targets, strict=True):
+        ends = [made.yield_force if made.method == "n2" else made.base_shear]
+        corners = [0.0, made.yield_displacement, made.roof_displacement]
+        yield (("target displacements", 0, line), corners, [0.0, made.yield_force, *ends])
+        yield (("target displacements", 0, line + 1), [made.roof_displacement], [made.base_shear])
+    n2 = targets[0]
+    of_one = 1.0 / n2.participation
+    yield (("target displacements", 1, 0), n2.target.sd, n2.target.psa)
+    yield (("target displacements", 1, 1), pushed.roof_displacement * of_one, pushed.base_shear * of_one / n2.mass)
+    sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
+    yield (("target displacements", 1, 3), [0.0, sd], [0.0, n2.spectral_acceleration])
+    reached, most = n2.roof_displacement * of_one, n2.yield_force * of_one / n2.mass
+    yield (("target displacements", 1, 2), [0.0, n2.yield_displacement * of_one, reached], [0.0, most, most])
+    yield (("target displacements", 1, 4), [reached], [most])
+    yield (("spectrum", 1, 0), PERIODS, results["spectrum"].sd)
+    yield (("drifts", 0, 0), PERIODS, 100.0 * rates.peak_drift_ratio)
+    yield (("drifts", 1, 0), PERIODS, 100.0 * rates.roof_drift_ratio)
+    yield (("fragility", 0, 3), [1.0, 2.0, 3.0], [0.1, 0.5, 0.9])
+    near = curve.dt_over_t <= 0.4
+    for panel, values in ((1, curve.amplitude_decay), (2, curve.period_error), (3, curve.numerical_damping)):
+        yield (("stability", panel, 0), curve.dt_over_t[near], 100.0 * values[near])
+    yield (("stability", 0, 0), curve.dt_over_t, curve.spectral_radius)
+    yield (("overshoot", 0, 0), np.arange(11), sharing.displacement)
+    yield (("overshoot", 1, 0), np.arange(11), sharing.velocity)
+    for line, name in enumerate(("displacement", "velocity", "acceleration", "own_acceleration")):
+        yield (("order", 0, line), [results["order"].order(name)], [1.0])
+
+
+def test_the_numbers_of_each_picture_are_those_of_its_result(results):
+    figures = {name: tdint.plot(result) for name, result in results.items()}
+    for (name, panel, line), across, along in lines_of(results):
+        drawn = figures[name].axes[panel].lines[line]
+        np.testing.assert_allclose(
+            np.ravel(drawn.get_xdata()), across, rtol=1e-9, atol=1e-12, err_msg=f"{name} {panel}"
+        )
+        np.testing.assert_allclose(np.ravel(drawn.get_ydata()), along, rtol=1e-9, atol=1e-12, err_msg=f"{name} {panel}")
+    run, pushed, record = results["run"].stories, results["pushover"], results["record"]
+    for name, panel, rows in (
+        ("run", 3, (run.peak_drift / 0.03, run.peak_drift / 0.03, np.abs(run.residual_drift) / 0.03)),
+        ("run", 5, (run.peak_shear,) * 2),
+        ("pushover", 1, (pushed.drift_at_largest / 0.03, pushed.drift[-1] / 0.03)),
+        ("target displacements", 2, [made.drift / 0.03 for made in results["target displacements"]]),
+    ):
+        for stairs, values in zip(figures[name].axes[panel].patches, rows, strict=True):
+            np.testing.assert_allclose(stairs.get_data().values, values, rtol=1e-9)
+            assert stairs.get_data().edges.tolist() == [0.5, 1.5, 2.5]
+    # Layers of energy end where the input does.
+    top = figures["run"].axes[2].collections[-1].get_paths()[0].vertices[:, 1].max()
+    assert top == pytest.approx(figures["run"].axes[2].lines[0].get_ydata().max(), rel=1e-3)
+    # The shares of the integral of the squared acceleration, which is all but a polygon.
+    energy, (whole, dots) = np.cumsum(record.acceleration**2), figures["record"].axes[3].lines
+    np.testing.assert_allclose(whole.get_ydata()[::30], 100.0 * energy[::30] / energy[-1], atol=1.5)
+    assert dots.get_ydata() == pytest.approx([5.0, 75.0, 95.0])
+    assert np.interp(dots.get_xdata(), *whole.get_data()) == pytest.approx([5.0, 75.0, 95.0], abs=0.1)
+    swings = {swing.quantity.name: swing for swing in results["sensitivity"]}
+    names = ("peak_drift_ratio", "peak_acceleration", "peak_roof_displacement", "peak_base_shear")
+    for axes, swing in zip(figures["sensitivity"].axes, map(swings.get, names), strict=True):
+        scale = 100.0 if swing.quantity.unit == "1" else 1.0
+        for bar, value in zip(axes.patches, (swing.at_low, swing.at_high), strict=True):
+            assert [bar.get_x(), bar.get_x() + bar.get_width()] == pytest.approx(
+                [swing.as_it_is * scale, value * scale]
+            )
+    curve, fitted = figures["fragility"].axes[0].lines[2], results["fragility"]
+    np.testing.assert_allclose(
+        curve.get_ydata(), ndtr(np.log(curve.get_xdata() / fitted.theta) / fitted.beta), rtol=1e-9
+    )
 
 
 def test_print(results, tmp_path):

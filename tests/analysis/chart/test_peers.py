@@ -1,15 +1,20 @@
 """Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is missing is told."""
 
+import io
 import math
+import os
 import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import readmes
 from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
+from opensees_stand_in import Domain
 from tdint.analysis.chart import opensees_worker, peers
 from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers, with_plugins
 from tdint.analysis.chart.problem import Errors, Reference, find_reference, pose
@@ -49,7 +54,26 @@ def ours(problem, name, dt):
     return Reference(name, dt, "", NOTHING, problem.march(parse(name), steps, keep=True).motion)
 
 
-@installed
+@pytest.fixture(params=["stand-in", pytest.param("openseespy", marks=installed)])
+def opensees(request, monkeypatch, capfdbinary):
+    """The program, and what its manual says of it, to which the worker talks in this process."""
+
+    def run(command, input, **_):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(input)))
+        output = os.dup(1)
+        code = opensees_worker.main()
+        os.dup2(output, 1)  # the worker keeps it free of what OpenSees prints
+        os.close(output)
+        return subprocess.CompletedProcess(command, code, capfdbinary.readouterr().out, b"")
+
+    if request.param == "stand-in":
+        package = SimpleNamespace(opensees=Domain(), __spec__=ModuleSpec("openseespy", None))
+        monkeypatch.setitem(sys.modules, "openseespy", package)
+        monkeypatch.setitem(sys.modules, "openseespy.opensees", package.opensees)
+        monkeypatch.setattr(peers.subprocess, "run", run)
+
+
+@pytest.mark.usefixtures("opensees")
 @pytest.mark.parametrize(
     ("name", "parts"), [("linear", 4), ("bilinear", 1), ("bilinear", 4), ("dashpots", 4), ("forced", 1)]
 )
@@ -65,7 +89,7 @@ def test_average_acceleration_of_openseespy_is_ours(name, parts):
     assert point.errors.acceleration < 1e-7
 
 
-@installed
+@pytest.mark.usefixtures("opensees")
 def test_other_integrators_of_openseespy_are_ours_too():
     """In a linear building; and the two differ from average acceleration."""
     problem = PROBLEMS["linear"]()
@@ -74,6 +98,24 @@ def test_other_integrators_of_openseespy_are_ours_too():
         errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
         assert errors[method] < 1e-8
         assert errors["newmark-average"] > 1e-4
+
+
+@pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
+def test_runs_of_openseespy_that_fail_or_take_long(opensees, monkeypatch):
+    """The smallest steps, which take longest, are run last, and told to be missing."""
+    problem = pose(forced())
+    reference = ours(problem, "newmark-average", 0.02)
+    points, _ = openseespy_points(problem, [0.01, 0.02], reference, repeats=5)
+    assert [(point.dt, point.steps) for point in points] == [(0.02, 100), (0.01, 200)] * 3
+    assert {len(point.times) for point in points} == {3}
+    assert [point.iterations for point in points] == [100, 200] * 3
+    monkeypatch.setattr(opensees_worker, "ITERATIONS", 1)
+    yielding = PROBLEMS["bilinear"]()
+    points, _ = openseespy_points(yielding, [0.01], ours(yielding, "newmark-average", 0.01))
+    assert {point.outcome for point in points} == {"not-converged"}
+    monkeypatch.setattr(opensees_worker, "SECONDS", -1.0)
+    told = "openseespy: 6 of 6 runs, those with the smallest steps, take too long"
+    assert openseespy_points(problem, [0.01, 0.02], reference) == ([], [told])
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from tdint.ground_motion.signal import Signal, has_offset
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, RayleighCoefficients
 from tdint.model.recorded import load_recording
+from tdint.output.figures.comparison import comparison_picture
 
 DT, SIZE = 0.02, 1500
 MODEL = """\
@@ -511,3 +512,39 @@ def test_requirements_at_their_limits(name, limit, met, missed):
     meets, _ = _MET[name]
     assert all(meets(value, limit) for value in met)
     assert not any(meets(value, limit) for value in missed)
+
+
+# ---- The picture
+
+
+def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
+    """Over time where they are shaken, close up eight cycles to both sides of the roof's peak, and as spectra."""
+    compared = []
+    for part in (0.4, 0.3, 0.1, 0.2):
+        made.usual(floor_3_m_s2=made.motions["floor_3"] + part * noise(6))
+        compared.append(compare(made.model, made.event()))
+    floors = [(event, floor) for event in compared for floor in event.floors]
+    periods = np.geomspace(0.1, 1.0, 5)
+    figure = comparison_picture(compared, periods, 0.05)
+    above, below, *panels = figure.axes
+    for axes, values in ((above, "correlation"), (below, "peak_ratio")):
+        points = [(*line.get_xdata(), *line.get_ydata()) for line in axes.lines[:8]]
+        assert points == [(i // 2 + 1, getattr(floor, values)) for i, (_, floor) in enumerate(floors)]
+    assert below.lines[8].get_ydata() == [1.0, 1.0]
+    worst = sorted(floors, key=lambda pair: pair[1].correlation)[:4]
+    assert len(panels) == 12
+    for (event, floor), history, close, spectrum in zip(worst, panels[::3], panels[1::3], panels[2::3], strict=True):
+        assert f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}" in history.get_title("left")
+        for axes in (history, close):
+            recorded, computed = (line.get_ydata() * 9.80665 for line in axes.lines)
+            np.testing.assert_allclose([recorded, computed], [floor.recorded, floor.computed], rtol=1e-12, atol=1e-12)
+        parts = [np.cumsum(one.recorded**2) / np.sum(one.recorded**2) for one in event.floors]
+        left, right = np.transpose([np.interp(history.get_xlim(), floor.time, part) for part in parts])
+        assert [np.max(left), np.min(right)] == pytest.approx([0.0005, 0.9995], abs=1e-4)
+        roof = event.floors[-1]
+        within = (roof.time >= close.get_xlim()[0]) & (roof.time <= close.get_xlim()[1])
+        assert np.count_nonzero(np.diff(np.signbit(roof.recorded[within]))) == 15
+        assert np.max(np.abs(roof.recorded)) == np.max(np.abs(roof.recorded[within]))
+        of_floor = event.spectra(periods, 0.05)[event.floors.index(floor)]
+        for line, values in zip(spectrum.lines, (of_floor.recorded, of_floor.computed), strict=True):
+            np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)

@@ -50,6 +50,8 @@ def test_residual_drifts_are_at_rest(more):
     far = np.abs(plain.stories.residual_drift - last.stories.residual_drift)
     assert np.max(far) > 5.0 * AT_REST * scale
     assert np.max(far) < 2.0 * np.max(plain.moving_drift)
+    peaks = plain.stories.peak_drift
+    assert f"largest drift {np.max(peaks):.4g} m in story {np.argmax(peaks) + 1}" in repr(plain)
     told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {1e3 * np.max(plain.moving_drift):.2g} mm"
     assert any(note.startswith(told) for note in plain.notes)
     in_inches = run(replace(ten_bilinear(), output_units=parse_output_units("in,kip")), record, method="impulse4")

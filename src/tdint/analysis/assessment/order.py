@@ -548,9 +548,10 @@ def _yielding_faults(integrator: Integrator) -> dict[str, str]:
         if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
             faults.setdefault(
                 "order",
-                f"{label}: with stories of law {law} displacements are {errors[1]:.2g}, {errors[2]:.2g} and "
-                f"{errors[4]:.2g} off at dt {_H:g}, {_H / 2:g} and {_H / 4:g} s, of order {max(rates):.1f} where "
-                f"{due:.2g} is due: is each story's state committed once a step, with the drift at its end?",
+                f"{label}: with stories of law {law} displacements are "
+                f"{', '.join(f'{error:.2g} off at dt {_H / parts:g} s' for parts, error in errors.items())}, of order "
+                f"{max(rates):.1f} where {due:.2g} is due: is each story's state committed once a step, with the drift "
+                "at its end?",
             )
         # What is put in is stored, damped or dissipated.
         totals = spaces[4].totals

@@ -127,7 +127,7 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
     # Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed.
     passed = np.ones_like(frequencies)
     if fade is not None:
-        part = np.clip((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0, 1.0)
+        part = np.maximum((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0)
         passed = 0.5 * (1.0 + np.cos(np.pi * part)) * (part < 1.0)
     finite = np.isfinite(counts) & (counts != 0.0) & (passed > 0.0)
     spectrum = np.fft.rfft(samples, 2 * (counts.size - 1))

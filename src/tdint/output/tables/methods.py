@@ -268,10 +268,9 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
     return Table.of((CHART_STORIES, *CHART), rows)
 
 
-def _within(factor: float, name: str) -> Column:
-    return Column(
-        name, "1", lambda profile: profile.within(factor), f"of these, at no more than {factor:g} times the least cost"
-    )
+def _within(factor: float, name: str = "") -> Column:
+    meaning = f"of these, at no more than {factor:g} times the least cost"
+    return Column(name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning)
 
 
 PROFILE = (
@@ -280,8 +279,8 @@ PROFILE = (
     METHOD_SPEC,
     Column("problems", "1", "problems", "problems that it was given and whose reference is known well enough"),
     Column("solved", "1", "solved", "of these, with a step that is within the tolerance, as are all smaller ones"),
-    *(_within(factor, name) for factor, name in ((1.1, "cheapest"), (2.0, "within_2"), (5.0, "within_5"))),
-    _within(10.0, "within_10"),
+    _within(1.1, "cheapest"),
+    *map(_within, (2.0, 5.0, 10.0)),
     Column(
         "median_ratio",
         "1",

@@ -1,0 +1,136 @@
+"""What OpenSees' manual says of the commands that tdint gives it, for masses in a row: where it is not installed."""
+# ruff: noqa: N802 (its names)
+
+import numpy as np
+
+
+class Domain:
+    """Masses in a row, springs and dashpots between them, loads, and the step that brings them on."""
+
+    def constraints(self, *_):
+        """Nor do the commands below choose anything that changes a number."""
+
+    numberer = system = constraints
+
+    def version(self):
+        return "of a stand-in"
+
+    def wipe(self):
+        self.masses, self.materials, self.links, self.series, self.applied = {}, {}, [], {}, []
+        self.nodes, self.time, self.ground = 0, 0.0, lambda t: 0.0
+
+    def model(self, *words):
+        assert words == ("basic", "-ndm", 1, "-ndf", 1)
+
+    def node(self, tag, x):
+        assert (tag, x) == (self.nodes, 0.0)
+        self.motion = np.zeros((3, tag))
+        self.nodes += 1
+
+    def fix(self, *words):
+        assert words == (0, 1)
+
+    def mass(self, tag, value):
+        self.masses[tag] = value
+
+    def uniaxialMaterial(self, kind, tag, *numbers):
+        self.materials[tag] = (kind, *numbers)
+
+    def element(self, kind, tag, first, second, *words):
+        at = words.index("-dir")
+        assert (kind, first, second) == ("zeroLength", tag - 1, tag) and self.nodes > tag
+        assert words[0] == "-mat" and words[at:] == ("-dir", *[1] * (at - 1), "-doRayleigh", 1)
+        self.links.append([self.materials[name] for name in words[1:at]])
+
+    def rayleigh(self, mass, current, initial, committed):
+        assert current == committed == 0.0
+        self.proportions = mass, initial
+
+    def timeSeries(self, kind, tag, *words):
+        told = {word: words[i + 1 :] for i, word in enumerate(words) if isinstance(word, str)}
+        if kind == "Path":
+            values = np.array(told["-values"])
+            self.series[tag] = lambda t: np.interp(t, told["-dt"][0] * np.arange(values.size), values)
+        elif kind == "Constant":
+            self.series[tag] = lambda t: told["-factor"][0]
+        else:
+            (start, end, period), (size,), (shift,) = words[:3], told["-factor"][:1], told["-shift"]
+            self.series[tag] = lambda t: size * np.sin(2.0 * np.pi * (t - start) / period + shift) * (t <= end)
+
+    def pattern(self, kind, tag, *words):
+        self.loading = words[0]
+        if kind == "UniformExcitation":
+            assert words[:2] == (1, "-accel")
+            self.ground = self.series[words[2]]
+
+    def load(self, tag, size):
+        self.applied.append((tag - 1, size, self.series[self.loading]))
+
+    def __getattr__(self, name):
+        """Of a node's motion `nodeDisp(node, 1)`, `setNodeVel(node, 1, value, "-commit")`, and so on."""
+        row = next(i for i, kind in enumerate(("Disp", "Vel", "Accel")) if name.endswith(kind))
+        if name.startswith("set"):
+            return lambda tag, direction, value, _: self.motion.__setitem__((row, tag - direction), value)
+        return lambda tag, direction: self.motion[row, tag - direction]
+
+    def test(self, kind, tolerance, most):
+        self.tolerance, self.most = tolerance, most
+
+    def testIter(self):
+        return self.iterations
+
+    def algorithm(self, kind):
+        self.one_solve = kind == "Linear"
+
+    def integrator(self, kind, *numbers):
+        """Weights of the end of the step in the inertia and in all else, beta and gamma."""
+        if kind == "Newmark":
+            self.scheme = 1.0, 1.0, numbers[1], numbers[0]
+        else:
+            inertia, rest = (1.0, *numbers) if kind == "HHT" else numbers
+            self.scheme = inertia, rest, 0.25 * (1.0 + inertia - rest) ** 2, 0.5 + inertia - rest
+
+    def analysis(self, kind):
+        """All is said: matrices, and what of the springs has yielded at the start."""
+        self.m = np.array([self.masses[tag] for tag in range(1, self.nodes)])
+        self.drifts = np.eye(self.m.size) - np.eye(self.m.size, k=-1)
+        steel = [numbers if kind == "Steel01" else (np.inf, *numbers, 0.0) for (kind, *numbers), *_ in self.links]
+        self.yields, self.k, self.hardening = np.array(steel).T
+        dashpots = np.array([sum(size for _, size, power in link[1:] if power == 1.0) for link in self.links])
+        alpha, beta = self.proportions
+        self.c = alpha * np.diag(self.m) + self.drifts.T @ np.diag(dashpots + beta * self.k) @ self.drifts
+        self.inner = self.springs(self.drifts @ self.motion[0], 0.0 * self.m, 0.0 * self.m)[1]
+
+    def springs(self, drift, before, inner):
+        """Forces, what of them yields, and tangents."""
+        soft, most = (1.0 - self.hardening) * self.k, (1.0 - self.hardening) * self.yields
+        tried = inner + soft * (drift - before)
+        inner = np.clip(tried, -most, most)
+        return self.hardening * self.k * drift + inner, inner, self.hardening * self.k + soft * (abs(tried) < most)
+
+    def analyze(self, count, h):
+        return next((code for code in (self.step(h) for _ in range(count)) if code), 0)
+
+    def step(self, h):
+        """Newmark's formulas; the balance of forces holds at weighted times."""
+        inertia, rest, beta, gamma = self.scheme
+        u0, v0, a0 = self.motion
+        at = self.time + rest * h
+        load = -self.m * self.ground(at)
+        for place, size, series in self.applied:
+            load[place] += size * series(at)
+        u, before = u0.copy(), self.drifts @ u0
+        for solves in range(self.most + 1):
+            a = (u - u0 - h * v0) / (beta * h * h) - (0.5 / beta - 1.0) * a0
+            v = v0 + h * ((1.0 - gamma) * a0 + gamma * a)
+            shear, _, tangent = self.springs(self.drifts @ (u0 + rest * (u - u0)), before, self.inner)
+            out = load - self.m * (a0 + inertia * (a - a0)) - self.c @ (v0 + rest * (v - v0)) - self.drifts.T @ shear
+            if solves and (self.one_solve or np.linalg.norm(out) <= self.tolerance):
+                break
+            matrix = inertia / (beta * h * h) * np.diag(self.m) + rest * gamma / (beta * h) * self.c
+            u = u + np.linalg.solve(matrix + rest * self.drifts.T @ np.diag(tangent) @ self.drifts, out)
+        else:
+            return -3
+        self.inner = self.springs(self.drifts @ u, before, self.inner)[1]
+        self.motion, self.time, self.iterations = np.array([u, v, a]), self.time + h, solves
+        return 0

@@ -1,0 +1,66 @@
+"""What figures share: labels beside points, legends, units with a power of ten."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tdint.output.figures.style import add_legend, add_ratio_axis, legend_columns, scaled_unit, write_labels
+from tdint.units import SI, parse_output_units
+
+
+def test_labels_stand_beside_their_points_and_over_nothing():
+    """Neither over a mark, nor over each other, nor beyond the frame; the first ones come first, some find no room."""
+    points = np.random.default_rng(3).uniform(size=(60, 2))
+    figure = Figure(figsize=(5.0, 4.0))
+    axes = figure.subplots()
+    axes.plot(*points.T, "o", markersize=5.0)
+    write_labels(figure, axes, [(x, y, f"p {i}") for i, (x, y) in enumerate(points)], points)
+    figure.draw_without_rendering()
+    unit, frame, boxes = figure.dpi / 72.0, axes.get_window_extent(), [text.get_window_extent() for text in axes.texts]
+    assert 20 < len(boxes) < 60 and {"p 0", "p 1"} <= {text.get_text() for text in axes.texts}
+    marks = axes.transData.transform(points)
+    for i, (text, box) in enumerate(zip(axes.texts, boxes, strict=True)):
+        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        assert not any(box.overlaps(other) for other in boxes[:i])
+        assert not any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for x, y in marks)
+        x, y = axes.transData.transform(points[int(text.get_text()[2:])])
+        away = np.hypot(max(box.x0 - x, 0.0, x - box.x1), max(box.y0 - y, 0.0, y - box.y1))
+        assert 3.5 * unit < away < 12.0 * unit
+
+
+def test_a_legend_names_some_lines_and_counts_the_others():
+    figure = Figure(figsize=(7.5, 4.0))
+    axes = figure.subplots()
+    lines = [axes.plot([0, 1], [i, i])[0] for i in range(30)]
+    add_legend(figure, axes, lines[:1], ["alone"])
+    assert figure.legends == [] and figure.get_figheight() == 4.0
+    add_legend(figure, axes, lines, [f"line {i}" for i in range(30)])
+    named = [text.get_text().strip() for text in figure.legends[0].get_texts()]
+    assert named == [*(f"line {i}" for i in range(23)), "... and 7 more"]
+    assert figure.get_figheight() == pytest.approx(4.0 + 8 * 0.17)  # three columns
+    add_legend(figure, axes, lines[:24], [*["a name of 25 characters .."] * 24])
+    assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)  # two
+    assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [4, 3, 3, 2, 2, 1]
+    assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
+
+
+@pytest.mark.parametrize(
+    ("largest", "si", "units", "factor", "label"),
+    [
+        (0.5, "N", "", 1.0, "N"), (999.0, "J", "", 1.0, "J"), (1e3, "N", "", 1e-3, "kN"), (1e6, "J", "", 1e-6, "MJ"),
+        (99e6, "N", "kN", 1e-3, "kN"), (1e8, "N", "kN", 1e-6, "10³ kN"), (3e11, "N", "kN", 1e-9, "10⁶ kN"),
+    ],
+)  # fmt: skip
+def test_units_make_short_numbers(largest, si, units, factor, label):
+    assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (pytest.approx(factor), label)
+
+
+def test_ratios_to_a_height_stand_on_top():
+    axes = Figure().subplots()
+    axes.set_xlim(0.0, 0.06)
+    add_ratio_axis(axes, 3.0, "drift ratio (%)")
+    (top,) = axes.child_axes
+    assert top.get_xlabel() == "drift ratio (%)" and top._functions[0](0.06) == pytest.approx(2.0)
+    assert top._functions[1](2.0) == pytest.approx(0.06)
+    add_ratio_axis(axes, np.nan, "none")
+    assert axes.child_axes == [top]
