@@ -181,7 +181,7 @@ def cumulative_energy(record: Record) -> Array:
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
 
 
-_BEHIND = 0.05
+_BEHIND = 0.05  # of the Arias intensity, behind the end of D5-95
 _MOST_NAMES = 5  # of records that a sentence names
 
 _ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
