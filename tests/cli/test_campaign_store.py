@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -168,7 +169,7 @@ def locked_by_another() -> Iterator[sqlite3.Connection]:
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lock is waited for for a tenth of a second, first without a word, then with one."""
-    monkeypatch.setattr(store_schema, "_SILENT", 100)
+    monkeypatch.setattr(store_schema, "SILENT", 100)
     monkeypatch.setattr(store_schema, "_LONGEST", 150)
 
 
@@ -179,6 +180,18 @@ def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Command) -> None:
         for words in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
             assert "waiting" not in tdint("campaign", *words, code=0).stderr
     assert tables("out") == done
+
+
+def test_a_store_is_closed_without_waiting_for_others(
+    done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All is written by then: that it comes into the one file is not waited for without a word."""
+    tdint("campaign", "export", "out")
+    monkeypatch.setattr(store_schema, "_LONGEST", 60_000)
+    start = monotonic()
+    with locked_by_another():
+        assert "waiting" not in tdint("campaign", "export", "out", code=0).stderr
+    assert monotonic() - start < 30.0 and tables("out") == done
 
 
 @pytest.mark.usefixtures("impatient")

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cli.conftest import change
 from csv_rows import rows
 
 COLUMNS = (
@@ -260,6 +261,9 @@ def test_a_history_holds_the_error_that_was_carried_along(folder, tdint):
     assert 0.0 < off <= float(rows(result.stdout)[1]["residual_drift_m_error"]) * 1.001
 
 
+IDA = "ida shaken.yaml motion.mseed --units m/s^2 --component HNE --max-im 1m/s^2"
+
+
 def test_until_rest(folder, tdint):
     """The residual drifts are at rest, and the summary says from when; without it a note says by how much they move."""
     plain = tdint("run", "shaken.yaml", "-o", "out")
@@ -275,6 +279,16 @@ def test_until_rest(folder, tdint):
     for summary, more in zip(summaries, ((), ("--until-rest",)), strict=True):
         row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", *more).stdout)[0]
         assert float(row["residual_drift_ratio"]) == pytest.approx(summary["peaks"]["residual_drift_ratio"], rel=1e-9)
+
+
+@pytest.mark.parametrize("command", ["run shaken.yaml", "run shaken.yaml --scale 1,2", IDA], ids=["run", "many", "ida"])
+def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
+    """A third of the way, by the option or by the model, which may say it for another record."""
+    told = "note: the run ends at 1 s, before so much of the Arias intensity: motion.mseed HNE "
+    change("shaken.yaml", ("analysis: {", "analysis: {duration: 1, "))
+    words = command.split()
+    assert told in tdint(*words, code=0).stderr
+    assert told not in tdint(*words, "--duration", "10", code=0).stderr
 
 
 @pytest.mark.parametrize("tolerance", ["0.1%", "0.001", " 0.1 %"])

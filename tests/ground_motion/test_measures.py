@@ -1,6 +1,7 @@
 """Measures of ground motions against closed forms and against fine integration of the same straight lines."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from tdint.ground_motion.measures import (
     cumulative_absolute_velocity,
     cumulative_energy,
+    cut_off,
     integrate,
     measure,
     spectrum_intensity,
@@ -46,6 +48,15 @@ class TestClosedForms:
         start = 10.0 * 0.05 ** (1 / 3)
         assert found.d5_75 == pytest.approx(10.0 * 0.75 ** (1 / 3) - start, rel=1e-12)
         assert found.d5_95 == pytest.approx(10.0 * 0.95 ** (1 / 3) - start, rel=1e-12)
+
+    def test_what_a_run_leaves_out(self):
+        """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half and 7 / 8 of it."""
+        step, ramp = replace(record([2.0] * 21), source="step"), replace(record(np.arange(21.0)), source="ramp")
+        told = "the run ends at 5 s, before so much of the Arias intensity: "
+        assert cut_off([step, ramp], 5.0) == [f"{told}step 50 %, ramp 88 %"]
+        # 5 % are left after 9.5 s of the one, and after 10 * 0.95^(1/3) = 9.83 s of the other.
+        assert cut_off([step], 9.5) == [] and "ramp 14 %" in cut_off([step, ramp], 9.5)[0]
+        assert cut_off([step, ramp], 10.0) == cut_off([step], math.inf) == cut_off([record([0.0] * 9)], 1.0) == []
 
     def test_triangle_through_zero(self):
         """From 1 to -2 m/s^2 in 3 s: zero after 1 s, at rest again after 2 s."""

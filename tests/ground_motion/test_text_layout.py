@@ -52,6 +52,12 @@ class TestStep:
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
         assert [(record.component, record.dt) for record in records] == [("1", 0.02), ("2", 0.02), ("3", 0.02)]
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
+        # The samples of one motion may stand so, too.
+        told = "each of 3 columns without names is taken for a motion: one that runs on along the lines must have one"
+        assert all(any(note.startswith(told) for note in record.notes) for record in records)
+        timed = read(file, table([], 0.02 * np.arange(60), *COLUMNS[:2], separator=" "), "gal")
+        named = read(file, table(["N,E,Z"], *COLUMNS), "gal", step=0.02)
+        assert not any("columns without names" in note for record in (*timed, *named) for note in record.notes)
 
     def test_beside_a_count_of_the_samples(self, file):
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")

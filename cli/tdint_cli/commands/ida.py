@@ -161,6 +161,7 @@ def command(request: IdaRequest) -> None:
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
     from tdint.campaign.ida_curve import Mainshock
+    from tdint.ground_motion.measures import cut_off
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
@@ -185,6 +186,7 @@ def command(request: IdaRequest) -> None:
         thresholds=request.threshold or None,
     )
     suite = read_suite(request.records, request.choice, request.pairs)
+    note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
     # What damages the building before, if anything does
     mainshock = None
     if request.after is not None and request.damage:

@@ -25,6 +25,7 @@ from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
+from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
@@ -280,13 +281,12 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
         peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
         notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
+    ends = [campaign.settings.duration or building.wishes[1] for building in buildings[:_LOOKED_AT]]
+    notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
     # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
-    if (
-        damage
-        and not campaign.settings.until_rest
-        and any("residual" in type_.demand for type_ in damage.types.values())
-    ):
+    residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
+    if residual and not campaign.settings.until_rest:
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     # All that is said before the runs goes along: what was left out, and what may surprise.
     plan = Plan(

@@ -17,7 +17,7 @@ from tdint.campaign.batch import Done, RunRow
 from tdint.campaign.buildings import Buildings, model_files, output_units, plugin_files
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
-from tdint.campaign.store_schema import UntrustedStoreError, connect, connect_to_read, in_words, transaction
+from tdint.campaign.store_schema import SILENT, UntrustedStoreError, connect, connect_to_read, in_words, transaction
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file, keep_input, refuse_kept
 from tdint.ground_motion.measures import measure
@@ -210,7 +210,7 @@ class Store:
                     raise raised
             if error is None:
                 with in_words(self.name), suppress(sqlite3.OperationalError):  # another program may read it
-                    self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                    self.connection.executescript(f"PRAGMA busy_timeout={SILENT}; PRAGMA wal_checkpoint(TRUNCATE)")
         finally:
             self.connection.close()
 

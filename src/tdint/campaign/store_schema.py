@@ -27,7 +27,7 @@ from tdint.units import Quantity
 
 # ---- Connections to the file of a store: where it may lie, how they wait for others, what SQLite says put in words
 
-_SILENT, _LONGEST = 1000, 9000
+SILENT, _LONGEST = 1000, 9000
 """Milliseconds that a lock of another program is waited for without a word, and with one."""
 
 _log = logging.getLogger(__name__)
@@ -105,7 +105,7 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
     """
     try:
         # Twice: a short while without a word, then what keeps it is told.
-        for patience in (_SILENT, _LONGEST):
+        for patience in (SILENT, _LONGEST):
             connection.execute(f"PRAGMA busy_timeout={patience}")
             try:
                 connection.execute(statement)
@@ -114,7 +114,7 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
                     raise
             else:
                 return
-            if patience == _SILENT:
+            if patience == SILENT:
                 _log.info("%s: another program has locked it; waiting for ten seconds at most", name)
     finally:
         # Who reads a store holds it for a moment, too, while the log is opened, say: what follows waits without a word.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from tdint.arrays import Array, halved
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.units import STANDARD_GRAVITY
+from tdint.written_numbers import first_few
 
 HOUSNER_PERIODS = (0.1, 2.5)
 """Range of periods of the spectrum intensity, s, its spectrum at 5 % damping (Housner 1952)."""
@@ -180,12 +181,29 @@ def cumulative_energy(record: Record) -> Array:
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
 
 
+_BEHIND = 0.05  # of the Arias intensity, behind the end of D5-95
+_MOST_NAMES = 5  # of records that a sentence names
+
 _ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
 
 
 def arias_intensity(record: Record) -> float:
     """Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared acceleration."""
     return _ARIAS * float(cumulative_energy(record)[-1])
+
+
+def cut_off(records: Iterable[Record], end: float) -> list[str]:
+    """A sentence if runs that end at a time (s) leave out more of the Arias intensity of records than D5-95 has behind
+    its end: a model may say a duration for another record."""
+    parts = []
+    for record in records:
+        if end < record.duration:
+            energy = cumulative_energy(record)
+            left = float(energy[-1] - energy[round(end / record.dt)])
+            if left > _BEHIND * energy[-1]:
+                parts.append(f"{record.name} {100.0 * left / energy[-1]:.2g} %")
+    told = f"the run ends at {end:.6g} s, before so much of the Arias intensity: {first_few(parts, _MOST_NAMES)}"
+    return [told] if parts else []
 
 
 def time_of_energy(record: Record, energy: Array, part: float) -> float:

@@ -72,6 +72,7 @@ def test_a_run_that_ends_with_a_collapse_has_no_rest_to_go_on_to():
 def test_an_undamped_building_never_rests():
     response = run(oscillator(10.0), noise(), method="impulse4", until_rest=True)
     assert response.rest_time is None and moves(response)
+    assert any(note.endswith("; --until-rest waits for 100 first periods") for note in response.notes)
     assert response.steps * response.dt == pytest.approx(8.0 + REST_PERIODS * 0.2 * np.pi, rel=0.01)
 
 

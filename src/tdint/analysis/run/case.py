@@ -35,6 +35,7 @@ from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuil
 from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.equations.carried.rows import error_peaks, struggled, unsettled
@@ -278,6 +279,8 @@ _UNRESOLVED = 0.05
 
 _MOVING = 0.01
 """Part of the largest drift by which one still moves at the end without a note."""
+
+_UNTIL_REST = "--until-rest goes on until it is at rest"
 
 _OVERFLOW = 1e300
 """Residual from which a step that did not converge is one whose numbers ran away."""
@@ -554,10 +557,12 @@ class Case:
         self, steps: Steps, space: Workspace, stories: StoryPeaks, unresolved: StoryErrors, moving: Array, ended: bool
     ) -> tuple[str, ...]:
         """What there is to say of a run, which may have `ended` before its time by a collapse."""
-        record = self.record
+        record, end = self.record, steps.count * steps.h
         notes = [*self.remarks, *(record.notes if record else ())]
-        if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
+        if record and end > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
+        elif record and not ended:
+            notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
@@ -582,9 +587,12 @@ class Case:
         if record and not (ended or self.model.excitation.forces or still):
             length, size = self.model.output_units.unit("m")
             by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
+            beyond = end - record.duration  # the period is looked for where it is asked for alone
+            waited = beyond > 0.0 and beyond >= REST_PERIODS * self.prepared.period
+            until = f"--until-rest waits for {REST_PERIODS:g} first periods" if waited else _UNTIL_REST
             notes.append(
                 f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
-                "either side: residual drifts are those of the last moment; --until-rest goes on until it is at rest"
+                f"either side: residual drifts are those of the last moment; {until}"
             )
         return tuple(notes)
 

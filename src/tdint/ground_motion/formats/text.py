@@ -140,6 +140,10 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
         warnings.warn(f"{how_many(skipped, 'line')} at its beginning passed over, as asked", stacklevel=2)
     if not stated:
         warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
+    # Five samples to a line look alike: each column would be every fifth of them, at the wrong times.
+    if width > 2 and not header.names and not is_leading:
+        told = f"each of {width} columns without names is taken for a motion"
+        warnings.warn(f"{told}: one that runs on along the lines must have one sample to a line", stacklevel=2)
     return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
 
 
