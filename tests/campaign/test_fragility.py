@@ -203,20 +203,6 @@ def test_counts_of_levels_that_stand_for_many_runs():
     assert counted.half == pytest.approx(0.5 / runs)
 
 
-def test_counts_of_many_levels_are_in_six_bins_of_as_many_runs():
-    """Runs under one motion err alike: in a bin they are one draw."""
-    im = np.geomspace(0.5, 4.0, 12)
-    beyond = np.arange(12) % 3 == 0
-    counted = SURE.beside_counts(im[::-1], beyond[::-1].astype(float)).counted
-    assert counted.runs.tolist() == [2.0] * 6
-    assert counted.im == pytest.approx(np.sqrt(im[::2] * im[1::2]))
-    assert counted.share == pytest.approx(beyond.reshape(6, 2).mean(axis=1))
-    assert counted.fitted == pytest.approx(SURE.probability(im).reshape(6, 2).mean(axis=1))
-    one_draw = SURE.beside_counts(im, beyond.astype(float), motion=np.arange(12) // 2).counted
-    assert one_draw.half == pytest.approx([0.5] * 6)
-    assert one_draw.error == pytest.approx(math.sqrt(2.0) * counted.error)
-
-
 def test_the_error_of_the_fit_counts_beside_the_scatter():
     """By the delta method: that of theta alone moves the probability by density times its error over beta."""
     covariance = np.diag([0.2**2, 0.0])

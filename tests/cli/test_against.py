@@ -85,6 +85,8 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
         ("period_s,values_g\n1,1\n2,1\n", (), 4, "has no column of a spectrum"),
         ("period_s,psa_g,sd_cm\n1,1,1\n2,1,1\n", (), 2, "--against-column: psa_g, sd_cm"),
         ("period_s,psa_g\n1,1\n1,1\n", (), 4, "has the period 1 s twice"),
+        ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "are not negative"),
+        ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "are not negative"),
         ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
         ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
         ("period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n", (), 4, "has no damping ratio 0.05; it has 0.1"),

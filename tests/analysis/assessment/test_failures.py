@@ -152,6 +152,8 @@ def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
     assert trial("impulse4:rho_inf=0.5", "stiff-node").error == pytest.approx(0.55, rel=0.03)
     assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
     assert math.isnan(trial("impulse4", "stiff-node").energy_ratio_min)
+    # The largest energy is that of an infinite stiffness, to what the steps make of it.
+    assert trial("impulse4:rho_inf=0.5", "stiff-node").energy_ratio_max == pytest.approx(1.0, abs=2e-3)
 
 
 # ---- README
