@@ -127,11 +127,7 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"], 2, "--plot=FILE is one picture of all records"),
         (["spectrum", "other.mseed", "--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
         (["run", "forced.yaml", "--plot=x"], 2, "a picture is written as .png, .pdf or .svg"),
-        (
-            ["info", "other.mseed", "--plot", "-o", "x.png"],
-            2,
-            "a table is written as CSV, to a .csv or .csv.gz; a picture",
-        ),
+        (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
     ],
 )
 def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, arguments, code, message):

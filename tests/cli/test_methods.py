@@ -50,11 +50,17 @@ def test_table_and_picture(here, tdint, name, suffix):
     assert sorted(path.name for path in here.iterdir()) == sorted(["x.csv", "x.json", f"x{suffix}"])
 
 
+def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
+    command = ("stability", *SMALL["stability"], "--method", "newmark")
+    assert "Warning: -o x.xlsx: a table is CSV, " in tdint(*command, "-o", "x.xlsx", code=0).stderr
+    assert (here / "x.xlsx").read_text() == tdint(*command).stdout
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["-o", "x.xlsx"], 2, "-o x.xlsx: a table is written as CSV, to a .csv or .csv.gz"),
+        (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, "),
         (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),

@@ -20,7 +20,7 @@ from tdint.written_numbers import parse_head
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, OutputUnitsType, Written
-from tdint_cli.terminal import current
+from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
     from tdint.files import Content
@@ -61,7 +61,7 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
         raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
     if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not is_folder:
-        raise UsageError(f"-o {value}: a table is written as CSV, to a .csv or .csv.gz; a picture is --plot=FILE.png")
+        warn(f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE")
     if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
