@@ -26,6 +26,7 @@ from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion import measures
+from tdint.ground_motion.horizontals import motion_name
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
@@ -446,8 +447,21 @@ def line(
             of = linregress(values, residual)
             p_value = of.pvalue if motion is None else _clustered(values, residual, motion)
             dependences.append(Dependence(about, float(of.slope), float(p_value)))
-    slope, error, r = float(fit.slope), float(fit.stderr), float(fit.rvalue)
+    error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
+    slope, r = float(fit.slope), float(fit.rvalue)
     return MeasureFit("", "", x.size, 0, slope, error, beta, r * r, tuple(dependences))
+
+
+def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
+    """The standard error of the slope of y over x by leaving out clusters one by one; nan of less than three."""
+    place = np.unique(cluster, return_inverse=True)[1]
+    x, y = x - np.mean(x), y - np.mean(y)
+    # Each line without a cluster by its sums: of all runs less those of the cluster.
+    sums = np.column_stack([np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)])
+    count, of_x, of_y, of_xx, of_xy = (sums.sum(axis=0) - sums).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = (of_xy - of_x * of_y / count) / (of_xx - of_x**2 / count)
+    return math.sqrt((slopes.size - 1) * float(np.var(slopes))) if slopes.size > 2 else math.nan
 
 
 def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
@@ -468,12 +482,15 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """The ground motion of each run of a table, or its event where there are fields: a number. Both components of a
-    pair, as the store beside the table tells, are of one; without a store all components of a record."""
+    """The ground motion of each run of a table, or its event where events are known: a number. Both components of a
+    pair, as the store beside the table tells, are of one; without a store all of a record or of files so named."""
     keys = list(zip(table.texts("record"), table.texts("component"), strict=True)) if table.has("component") else []
-    names: list[object] = [key[0] for key in keys] or list(range(len(table.rows)))
+    names: list[object] = list(range(len(table.rows)))
+    if table.has("record"):
+        names = [motion_name(name) for name in table.texts("record")]
     with _store_beside(table) as store:
-        if store is not None and store.events() and table.has("event"):
+        # Without fields a column of that name is one of the inventory.
+        if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None:
             records = store.records()
