@@ -40,6 +40,7 @@ from tdint.campaign.fragility.measures import (
     measure_named,
     motions_of,
     of_pairs,
+    over_motions,
     period_beside,
     with_measures,
 )
@@ -340,13 +341,8 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     result = (collapsed | (status == DONE)) & (drift > 0.0) & positive
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
-    im, drift, motion, collapsed, result = (
-        im[positive],
-        drift[positive],
-        motion[positive],
-        collapsed[positive],
-        result[positive],
-    )
+    im, drift, motion = im[positive], drift[positive], motion[positive]
+    collapsed, result = collapsed[positive], result[positive]
     return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
 
 
@@ -445,45 +441,6 @@ def _tried(threshold: float, names: tuple[str, str], fit: Callable[[], Fragility
         return fit().named(threshold, *names)
     except AnalysisError as error:
         return AnalysisError(f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error))
-
-
-# Runs under one ground motion err alike, and so do those of an event where events are known: the errors of a fit are
-# those of leaving these out one by one (jackknife, Efron and Stein 1981, The Annals of Statistics 9(3)), in groups
-# where that is much work (delete-a-group, Kott 2001, Journal of Official Statistics 17(4)).
-
-Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
-
-_GROUPS = 30  # of motions at the least, if there are so many: errors are then known to 13 %
-_MOST_FITTED = 2_000_000  # runs that all fits see together until groups have several motions: seconds of a cloud
-
-
-def over_motions(fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None) -> list[Fragility | AnalysisError]:
-    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln theta and beta over
-    their motions, shape (n,): nan where less than three leave a fit. As they are fitted without motions."""
-    functions = fit(of)
-    if motion is None:
-        return functions
-    # Groups of motions of about one size, in the order of their numbers.
-    motions = np.unique(motion[of])
-    groups = min(motions.size, max(_GROUPS, _MOST_FITTED // max(int(np.sum(of)), 1)))
-    group = (np.searchsorted(motions, motion) * groups) // motions.size
-    left: list[list[tuple[float, float]]] = [[] for _ in functions]
-    for number in range(groups) if groups > 2 else ():
-        try:
-            fitted = fit(of & (group != number))
-        except AnalysisError:
-            continue
-        for place, function in enumerate(fitted):
-            if isinstance(function, Fragility):
-                left[place].append((math.log(function.theta), function.beta))
-    covariances = [
-        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
-        for values in left
-    ]
-    return [
-        replace(function, covariance=covariance) if isinstance(function, Fragility) else function
-        for function, covariance in zip(functions, covariances, strict=True)
-    ]
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:

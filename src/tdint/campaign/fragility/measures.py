@@ -18,6 +18,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
 from tdint.campaign.batch import Run
+from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.fragility.runs import BuildingDamage
 from tdint.campaign.intensity import AVERAGE, SPECTRAL, geometric_mean
 from tdint.campaign.plan import Plan
@@ -498,6 +499,45 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
             names = [motions.get(key, key) for key in keys]
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([numbers[name] for name in names], np.intp)
+
+
+# Runs under one ground motion err alike, and so do those of an event where events are known: the errors of a fit are
+# those of leaving these out one by one (jackknife, Efron and Stein 1981, The Annals of Statistics 9(3)), in groups
+# where that is much work (delete-a-group, Kott 2001, Journal of Official Statistics 17(4)).
+
+Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
+
+_GROUPS = 30  # of motions at the least, if there are so many: errors are then known to 13 %
+_MOST_FITTED = 2_000_000  # runs that all fits see together until groups have several motions: seconds of a cloud
+
+
+def over_motions(fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None) -> list[Fragility | AnalysisError]:
+    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln theta and beta over
+    their motions, shape (n,): nan where less than three leave a fit. As they are fitted without motions."""
+    functions = fit(of)
+    if motion is None:
+        return functions
+    # Groups of motions of about one size, in the order of their numbers.
+    motions = np.unique(motion[of])
+    groups = min(motions.size, max(_GROUPS, _MOST_FITTED // max(int(np.sum(of)), 1)))
+    group = (np.searchsorted(motions, motion) * groups) // motions.size
+    left: list[list[tuple[float, float]]] = [[] for _ in functions]
+    for number in range(groups) if groups > 2 else ():
+        try:
+            fitted = fit(of & (group != number))
+        except AnalysisError:
+            continue
+        for place, function in enumerate(fitted):
+            if isinstance(function, Fragility):
+                left[place].append((math.log(function.theta), function.beta))
+    covariances = [
+        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
+        for values in left
+    ]
+    return [
+        replace(function, covariance=covariance) if isinstance(function, Fragility) else function
+        for function, covariance in zip(functions, covariances, strict=True)
+    ]
 
 
 def of_pairs(table: CsvTable, im: Array) -> Array:
