@@ -201,7 +201,7 @@ BUDGET = {
     "campaign": (25, 6150),
     "analysis": (40, 7450),
     "methods": (12, 1750),
-    "model": (21, 3550),
+    "model": (21, 3600),
     "ground_motion": (34, 4300),
     "kernels": (61, 8240),
     "ground": (11, 1550),
