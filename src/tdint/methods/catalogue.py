@@ -17,7 +17,6 @@ from typing import Any, cast
 import numpy as np
 
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.measures import MEASURES, Measure
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
@@ -127,10 +126,13 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
         raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none")
     with faults_of(file):
         laws, methods = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
-        for measure in declared(module, "MEASURES", Measure, file):
-            if MEASURES.get(measure.name) is not measure:
-                check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
-                MEASURES[measure.name] = measure
+        if hasattr(module, "MEASURES"):
+            from tdint.ground_motion.measures import MEASURES, Measure  # `tdint methods` does without
+
+            for measure in declared(module, "MEASURES", Measure, file):
+                if MEASURES.get(measure.name) is not measure:
+                    check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
+                    MEASURES[measure.name] = measure
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))
