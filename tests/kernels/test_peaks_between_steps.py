@@ -64,7 +64,7 @@ def arguments(span, linear_terms, law_parameters, old, state, springs, turns, pe
     flags = np.zeros(at.FLAGS_SIZE)
     flags[at.DEVICES] = 1.0
     building = Scene(linear_terms, nothing, law_parameters, np.zeros((0, at.FORCE_COLUMNS)), flags)
-    return [span, building, Passage(old, 0, state, state, at.ACCELERATION), springs, turns, 0, peaks, 0]
+    return [0.0, span, building, Passage(old, 0, state, state, at.ACCELERATION), springs, turns, 0, peaks, 0]
 
 
 def observed(seed, everything):
@@ -72,7 +72,7 @@ def observed(seed, everything):
     and how many stories turned. One quantity is near its peaks, at its ends beyond them in a third of the scenes. With
     `everything` it is looked at closely whether a peak may be passed or not.
     """
-    span, building, passage, springs, _, _, peaks, _ = scene(seed)
+    t, span, building, passage, springs, _, _, peaks, _ = scene(seed)
     absolute = passage.state[at.ACCELERATION, :STORIES] + span.ground_1
     springs[at.FORCE, :STORIES] = -np.cumsum((building.linear_terms[at.MASS, :STORIES] * absolute)[::-1])[::-1]
     factors = np.random.default_rng(seed).uniform(1.0, 1.5, STORIES)
@@ -85,10 +85,10 @@ def observed(seed, everything):
     memory = Memory(passage.state, springs, np.zeros((0, 0)), np.zeros(at.REPORT_SIZE))
     seen = Seen(watch, peaks, np.zeros((3, STORIES)), np.zeros(at.TOTALS_SIZE), np.zeros((0, 0)))
     before = peaks.copy()
-    passing = observe(building, 0.0, span, 0.0, memory, seen)
+    passing = observe(building, t, span, 0.0, memory, seen)
     if everything:
         _raise_ends(span.ground_1, passage.state, springs, seen)
-    turned = look_between(passing or everything, building, span, memory, seen)
+    turned = look_between(t, passing or everything, building, span, memory, seen)
     return peaks, before, turned
 
 

@@ -256,7 +256,7 @@ def _look(scene, span, t, memory):
     turned = 0
     if not span.fast:
         passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
-        turned = look_within(span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
+        turned = look_within(t, span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
     moved = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = springs[at.DRIFT, i]

@@ -83,7 +83,7 @@ def ran_away(state, n):
 def see(raise_shears, scene, t, span, slope, memory, seen):
     """Observe the motion at time t, the end of a step or of a piece of one, and what it passed on the way."""
     near = observe(scene, t, span, slope, memory, seen)
-    if look_between(near, scene, span, memory, seen) > 0:
+    if look_between(t, near, scene, span, memory, seen) > 0:
         take_shears(raise_shears, scene, memory, seen)
 
 

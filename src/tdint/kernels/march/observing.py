@@ -40,7 +40,7 @@ def observe(scene, t, span, slope, memory, seen):
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, watch, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    passing = False
+    passing = FORCES and forces.shape[0] > 0  # total shears, whose forces are not looked at here
     momentum = 0.0
     force = 0.0
     damped = 0.0
@@ -210,7 +210,7 @@ def _by_all(modal, forces, t, state, n):
 
 
 @inlined
-def look_between(passing, scene, span, memory, seen):
+def look_between(t, passing, scene, span, memory, seen):
     """Peaks within the step that has been observed: those that the step itself has raised, all of them or, on a
     parabola, what has corners; else as far as its ends tell them, if one may be passed. Returns how many stories turned
     with what may be their largest shear, at the drifts in row TURNED_AT."""
@@ -223,7 +223,7 @@ def look_between(passing, scene, span, memory, seen):
         report[at.WITHIN] = 0.0
     if passing and (span.on_path or not span.cornered):
         passage = Passage(watch, at.U_BEFORE, state, watch, at.ACCELERATION_NOW)
-        turned = look_within(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
+        turned = look_within(t, span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
     if span.fast:
         for i in range(n):
             watch[at.V_EARLIER, i] = watch[at.V_BEFORE, i]
