@@ -31,6 +31,7 @@ from tdint.kernels.stepping import Ends
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_UNLOADED = (0.0, 0.0, 0.0, 0.0)  # no forces on floors: of `_loaded`
 _FADED = 2.0  # tilt over bulge from which neither is taken; up to 1 all of both is
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
@@ -87,7 +88,7 @@ def may_bulge(absolute_0, absolute_1, bulge, peak):
 
 
 @called
-def look_within(t, span, scene, passage, springs, turns, turn, peaks, top):
+def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     """Raise the peaks, rows of `peaks` from `top` on, that a step has between its ends.
 
     Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
@@ -99,7 +100,7 @@ def look_within(t, span, scene, passage, springs, turns, turn, peaks, top):
     turned = 0
     n = linear_terms.shape[1] - 1
     above, mass = _NOTHING, 0.0
-    loaded = (0.0, 0.0, 0.0, 0.0)
+    loaded = _UNLOADED
     floor = _floor(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         below = _floor(span.fast, passage, max(i - 1, 0))
@@ -125,11 +126,10 @@ def look_within(t, span, scene, passage, springs, turns, turn, peaks, top):
         if DASHPOTS and with_devices and story.a0 * story.a1 < 0.0 and may_be_fastest(span, story, fastest):
             _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
         if not span.cornered:
-            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i, (0.0, 0.0, 0.0, 0.0))
-        if not span.cornered:
+            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i, _UNLOADED)
             above, mass = _moved(linear_terms, i, floor, above, mass)
             if FORCES and scene.forces.shape[0] > 0:
-                loaded = _loaded(t, span.h, scene.forces, linear_terms[at.LINK, i + 1], i, loaded)
+                loaded = _loaded(span, scene.forces, linear_terms[at.LINK, i + 1], i, loaded)
             _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i, loaded)
         floor = below
     return turned
@@ -263,9 +263,10 @@ def _most_accelerated(span, ends, mass, peaks, peak_row, i, loaded):
 
 
 @called
-def _loaded(t, h, forces, link, i, above):
+def _loaded(span, forces, link, i, above):
     """Forces on floor `i` and those above, of which the latter are given: at both ends of the step, and their bulge and
     tilt between, by their values at quarters of it."""
+    t, h = span.t, span.h
     p0 = link * above[0]
     p1 = link * above[1]
     bulge = link * above[2]
