@@ -8,7 +8,7 @@ import tdint
 
 # What was recorded: here the frame with other numbers, and noise, stands for the building.
 ground = tdint.read_record("records/kaikoura/WTMC.mseed", component="HN1", units="m/s^2")
-ground = tdint.process(ground, trim=(0.0, 40.0))
+ground = tdint.process(ground, trim=(45.0, 75.0))
 frame = tdint.load_model("configs/ten-story-bilinear.yaml")
 truth = {"stiffness_factor": 1.15, "strength_factor": 0.9, "damping": 0.03}
 chance = np.random.default_rng(1)
