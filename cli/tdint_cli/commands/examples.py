@@ -37,7 +37,7 @@ _LABORATORY = {
 }
 """Of the figures 1 to 5 of the paper the quantity, the damping ratio, and the title."""
 
-_ORDER_FIGURE = 6
+_ORDER_FIGURE = 6  # of the paper
 _BETA_SCAN = "beta-scan"
 _OURS = ("impulse4", "moment4")  # thin, beside the paper's five
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
