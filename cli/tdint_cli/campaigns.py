@@ -357,6 +357,7 @@ def carry_out(
             for name in names:
                 remove(folder / name)
             store, remarks = open_store(folder, plan)
+        warn_of_motions(plan)
         note(*plan.notes, *remarks)
         if plan.far:
             many = (
@@ -384,6 +385,11 @@ def carry_out(
             unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])
+
+
+def warn_of_motions(plan: Plan) -> None:
+    """What was assumed of the motions and changes what their numbers mean."""
+    warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:

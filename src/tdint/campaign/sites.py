@@ -359,11 +359,6 @@ class _FieldRecords:
         for error in suite.failures:
             raise error
         self.notes += suite.notes
-        self.notes += [
-            f"{read_record.source}: {read_record.component}: {text}"
-            for read_record in suite.records
-            for text in read_record.warnings
-        ]
         return suite_motions(suite.motions)
 
 
