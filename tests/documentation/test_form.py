@@ -21,6 +21,7 @@ WORDS = {
     "src/GLOSSARY.md": 900,
     "src/README.md": 1950,
     "src/tdint/analysis/spectra/README.md": 950,
+    "src/tdint/campaign/MACHINES.md": 700,
     "src/tdint/campaign/README.md": 3500,
     "src/tdint/kernels/README.md": 600,
     "src/tdint/kernels/laws/README.md": 1600,
