@@ -157,6 +157,7 @@ TOLD = {
     "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",  # 2 pi sqrt(200 / 4e7) = 0.014 s
     "damping ratio": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, dashpot: 1.2e+6}]",  # c / (2 sqrt(k m)) = 0.21
     "story height": "stories: [{mass: 2e5, height: 3000, stiffness: 4e7}]",
+    "mass of a floor": "stories: [{mass: 200, height: 3, stiffness: 4e4}]",  # 0.44 s, as 200 t have it
     "yield force": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, law: "
     "{type: bilinear, yield_force: 9e+3, hardening: 0}}]",  # 0.46 % of the weight
     "collapse_drift": "stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ncollapse_drift: 2",

@@ -66,6 +66,13 @@ HEIGHT = Usual(
     _METERS,
     "below it nobody stands, above it a hall ends: is the unit of length right?",
 )
+FLOOR = Usual(
+    "mass of a floor in a building with stories of a height",
+    1e3,
+    1e8,
+    "{:.3g} kg",
+    "the floor of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
+)
 STRENGTH = Usual(
     "yield force over the weight above:",
     0.005,
@@ -116,7 +123,12 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
-    return [*told, *unusual_stories(HEIGHT, building.heights), *unusual_stories(STRENGTH, strength / weight)]
+    # A building a thousand times too light may have the period and strength over weight of the right one: its floors
+    # tell. Without heights of stories a model may be one of a laboratory or a textbook.
+    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / omega)
+    floors = np.where(usual, building.mass, math.nan)
+    bounds = ((HEIGHT, building.heights), (FLOOR, floors), (STRENGTH, strength / weight))
+    return [*told, *(line for bound, values in bounds for line in unusual_stories(bound, values))]
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
