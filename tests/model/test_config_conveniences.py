@@ -12,7 +12,7 @@ from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
-from tdint.model.plausibility import doubts
+from tdint.model.plausibility import doubts, unusual_floors
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
@@ -157,7 +157,6 @@ TOLD = {
     "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",  # 2 pi sqrt(200 / 4e7) = 0.014 s
     "damping ratio": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, dashpot: 1.2e+6}]",  # c / (2 sqrt(k m)) = 0.21
     "story height": "stories: [{mass: 2e5, height: 3000, stiffness: 4e7}]",
-    "mass of a floor": "stories: [{mass: 200, height: 3, stiffness: 4e4}]",  # 0.44 s, as 200 t have it
     "yield force": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, law: "
     "{type: bilinear, yield_force: 9e+3, hardening: 0}}]",  # 0.46 % of the weight
     "collapse_drift": "stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ncollapse_drift: 2",
@@ -170,7 +169,11 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
     (line,) = doubts(model, assemble(model))
     assert line.startswith(told) and ", usual: " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
-    assert doubts(usual, assemble(usual), 9.0) == ()
+    assert doubts(usual, assemble(usual), 9.0) == () == (*unusual_floors(assemble(usual)),)
+    light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
+    (line,) = unusual_floors(assemble(light))
+    assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
+    assert unusual_floors(assemble(load("stories: [{mass: 200, stiffness: 4e4}]"))) == []
     for pga in (0.9e-4 * 9.80665, 5.1 * 9.80665):
         (line,) = doubts(usual, assemble(usual), pga)
         assert line.startswith("peak ground acceleration") and "0.0001 g to 5 g" in line

@@ -67,7 +67,7 @@ HEIGHT = Usual(
     "below it nobody stands, above it a hall ends: is the unit of length right?",
 )
 FLOOR = Usual(
-    "mass of a floor in a building with stories of a height",
+    "mass of a floor",
     1e3,
     1e8,
     "{:.3g} kg",
@@ -123,12 +123,15 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
-    # A building a thousand times too light may have the period and strength over weight of the right one: its floors
-    # tell. Without heights of stories a model may be one of a laboratory or a textbook.
-    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / omega)
-    floors = np.where(usual, building.mass, math.nan)
-    bounds = ((HEIGHT, building.heights), (FLOOR, floors), (STRENGTH, strength / weight))
-    return [*told, *(line for bound, values in bounds for line in unusual_stories(bound, values))]
+    return [*told, *unusual_stories(HEIGHT, building.heights), *unusual_stories(STRENGTH, strength / weight)]
+
+
+def unusual_floors(building: Building) -> list[str]:
+    """A line on floors too light or too heavy, for `tdint check`: a building of 200 kg for 200 t may have the period
+    and the strength over weight of the right one. Without heights of its stories a model may be one of a
+    laboratory or a textbook, and a period that is not usual is told instead."""
+    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
+    return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
