@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias
 
@@ -89,11 +88,10 @@ def model_record(model: Model) -> Record | None:
     if source is None:
         return None
     from tdint.ground_motion.processing_steps import processed
-    from tdint.ground_motion.reading.contents import formats_of
     from tdint.ground_motion.reading.read import read_record
-    from tdint.ground_motion.reading.sample_units import file_units
+    from tdint.ground_motion.reading.suites import records_of
 
-    file_units(source.choice.units).refuse_unfit([source.file], partial(formats_of, layout=source.choice.layout))
+    records_of([source.file], source.choice)  # units by file must fit it
     record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record
 
