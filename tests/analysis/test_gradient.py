@@ -56,8 +56,10 @@ def test_other_sizes_of_differences_agree(method):
             wanted = (values[1] - values[0]) / (near[1] - near[0])
             found = getattr(response.gradient, peak)[number]
             off = np.abs(found - wanted) / np.max(np.abs(wanted))
-            # Some stories are at kinks; accelerations of methods that locate no yielding are wherever a step yields.
-            assert np.median(off) < (1e-4 if method == "impulse4" or peak != "peak_acceleration" else 0.1), name + peak
+            # Some stories are at kinks. Methods that locate no yielding have one wherever the end of a step begins to
+            # yield: small of drifts, large of accelerations.
+            room = {"peak_acceleration": 0.1, "peak_velocity": 1e-2}.get(peak, 1e-4)
+            assert np.median(off) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
         wanted = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
         found = response.gradient.history["drift"][number]
         np.testing.assert_allclose(found, wanted, atol=1e-3 * np.max(np.abs(wanted)))
