@@ -14,7 +14,7 @@ WORDS = {
     ".github/SECURITY.md": 200,
     ".github/paper/paper.md": 1000,
     "README.md": 1300,
-    "CHANGELOG.md": 1500,
+    "CHANGELOG.md": 1750,
     "cli/README.md": 5500,
     "configs/README.md": 3500,
     "records/README.md": 1300,
