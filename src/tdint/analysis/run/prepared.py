@@ -345,7 +345,7 @@ class PreparedBuilding:
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            space.forget_peaks(integrator, len(self.building.modal))
+            space.forget_peaks()
 
     def march_many(
         self,

@@ -51,12 +51,11 @@ class Workspace:
     every: int = 1
     before: int = 0
 
-    def forget_peaks(self, integrator: Integrator, modes: int) -> None:
+    def forget_peaks(self) -> None:
         """Look for peaks anew, also where the method keeps some of its own."""
         self.peaks[:] = 0.0
-        firsts = [int(self.report[at.OWN_PEAKS])] if self.report[at.OWN_PEAKS] else []
-        for first in firsts:
-            self.work[first : first + 2 * at.PEAK_ROWS] = 0.0
+        if own := int(self.report[at.OWN_PEAKS]):
+            self.work[own : own + 2 * at.PEAK_ROWS] = 0.0
 
     @property
     def memory(self) -> Memory:
