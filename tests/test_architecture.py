@@ -199,7 +199,7 @@ BUDGET = {
     "cli": (43, 6550),
     "output": (25, 6250),
     "campaign": (25, 6150),
-    "analysis": (40, 7150),
+    "analysis": (40, 7200),
     "methods": (12, 1750),
     "model": (21, 3600),
     "ground_motion": (34, 4250),
