@@ -72,7 +72,7 @@ def test_the_summary(folder, tdint):
     table = rows(tdint("run", "shaken.yaml", "-o", "out", "--scale", "2").stdout)
     summary = summary_of(folder)
     assert list(summary) == [
-        "schema", "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halved_steps", "events",
+        "schema", "status", "name", "method", "method_parameters", "dt_s", "steps", "duration_s", "iterations", "halved_steps", "events",
         "wall_time_s", "time_loop_s", "time_loop_clock", "building", "energy", "peaks", "check", "at_end",
         "collapse_drift", "collapse", "record",
         "settings", "notes", "inputs", "versions", "meanings", "files", "arguments",
@@ -373,7 +373,7 @@ def test_debug_shows_where(folder, tdint):
 
 
 def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
-    result = tdint("run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5,gamma=0.9", "-o", "out", code=0)
+    result = tdint("run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0)
     (line,) = (line for line in result.stderr.splitlines() if "energy balance" in line)
     assert line.startswith("Warning: the energy balance is off by")
     assert "lost to the method" in line

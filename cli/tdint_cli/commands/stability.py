@@ -51,7 +51,7 @@ class Request:
 @options.command(
     "stability",
     "tdint stability --method impulse4,hht --plot=stability.png",
-    "tdint stability --method newmark:beta=0.25,gamma=0.5 --dt-over-t 0.1 --damping 5%",
+    "tdint stability --method newmark:beta=0.25:gamma=0.5 --dt-over-t 0.1 --damping 5%",
 )
 @options.analysis.plugin
 @options.output.to_files(picture=options.output.PICTURE, more=[options.analysis.draw_all(_DRAWN)], in_units=False)

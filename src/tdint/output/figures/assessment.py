@@ -4,7 +4,6 @@ what they cost for their errors."""
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -91,7 +90,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
     if len(curves) == 1:
-        title = f"{short_labels([curves[0].method])[curves[0].method]}\n{title}"
+        title = f"{curves[0].method}\n{title}"
     add_title(figure, title)
     return figure
 
@@ -102,7 +101,6 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     methods = [motion.method for motion in motions]
-    short = short_labels(methods)
     lines = {}
     for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
@@ -123,7 +121,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_ylim(-reach, reach)
     for axes in panels[-1]:
         axes.set_xlabel("step")
-    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], NARROW)
+    add_legend(figure, panels[0, 0], list(lines.values()), list(lines), NARROW)
     first = motions[0]
     spring = "" if first.law == "linear" else f", {first.law} spring"
     title = (
@@ -131,7 +129,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
         "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
-    add_title(figure, f"{short[first.method]}\n{title}" if len(short) == 1 else title)
+    add_title(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
     return figure
 
 
@@ -154,23 +152,9 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
     if has_ratio and not several:
         title += f", frequency ratio {first.frequency_ratio:g}"
     if len({order.method for order in measured}) == 1:
-        title = f"{short_labels([first.method])[first.method]}\n{title}"
+        title = f"{first.method}\n{title}"
     add_title(figure, name + title)
     return figure
-
-
-def short_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Labels with four digits per parameter, where they still differ from each other."""
-    short = {label: re.sub(r"=([^,]+)", lambda match: f"={_number(float(match[1]))}", label) for label in labels}
-    return short if len(set(short.values())) == len(short) else {label: label for label in labels}
-
-
-def _number(value: float) -> str:
-    """Four digits; a fraction such as 1/144 where it is one that they do not tell."""
-    digits = f"{value:.4g}"
-    whole = round(1.0 / value) if value else 0
-    is_fraction = float(digits) != value and 0 < whole < 1000 and value == 1.0 / whole
-    return f"1/{whole}" if is_fraction else digits
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
@@ -235,9 +219,8 @@ def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
 
 
 def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
-    short = short_labels([curve.method for curve in curves])
     several = len({curve.damping for curve in curves}) > 1
-    return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
+    return [curve.method + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -272,7 +255,6 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
-    short = short_labels(methods)
     lines = []
     for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
         orders = [order for order in measured if order.method == method]
@@ -288,7 +270,7 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
-    add_legend(figure, upper, lines, [short[method] for method in methods], NARROW)
+    add_legend(figure, upper, lines, methods, NARROW)
     return figure
 
 
@@ -296,7 +278,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = short_labels([order.method for order in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -312,7 +293,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     for order, row in zip(measured, rows, strict=True):
         if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
-    axes.set_yticks(rows, [short[order.method] for order in measured], parse_math=False)
+    axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
@@ -389,8 +370,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     axes.xaxis.tick_top()
     upright = {"rotation": 90.0} if narrow else {"rotation": 60.0, "ha": "left"}
     axes.set_xticks(range(len(columns)), [f"{name}, dt {dt:.4g}" for name, dt in columns], **upright)
-    short = short_labels(methods)
-    axes.set_yticks(range(len(methods)), [short[method] for method in methods], parse_math=False)
+    axes.set_yticks(range(len(methods)), methods, parse_math=False)
     for first in range(1, len(columns)):
         if columns[first][0] != columns[first - 1][0]:
             axes.axvline(first - 0.5, color="black", linewidth=1.2)
