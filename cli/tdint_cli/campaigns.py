@@ -138,6 +138,9 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     PRINTED.set(looks)
 
 
+_MOST_TOLD = 10  # buildings of a suite whose means lack motions, a line each
+
+
 @dataclass(frozen=True)
 class Profiles:
     """Demands over the height of the buildings of a store, found once for all that is drawn, written and judged."""
@@ -254,9 +257,16 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        for profile in self.found:
-            if text := self._lost(profile):
-                warn(text)
+        lost = [text for profile in self.found if (text := self._lost(profile))]
+        more = (
+            [
+                f"the same of {how_many(len(lost) - _MOST_TOLD, 'building')} or levels more: the columns collapsed and "
+                f"failed of {PROFILES}"
+            ]
+            if len(lost) > _MOST_TOLD
+            else []
+        )
+        warn(*lost[:_MOST_TOLD], *more)
         if limit is None:
             return []
         self._need("--limit")
@@ -611,7 +621,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 
 
 def tell_outcomes(store: Store) -> None:
-    """How many runs failed, collapsed, were repeated, have no error or a corrected one, or are not at rest."""
+    """How many runs failed, collapsed, were repeated, have no error, or are not at rest."""
     from tdint.analysis.run.outcome import FAILED
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error
@@ -628,8 +638,6 @@ def tell_outcomes(store: Store) -> None:
     if repeated := store.count("repeats > 0"):
         note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
-        note(f"no estimated error of {how_many(unknown, 'run')}: repetitions failed or fell earlier; empty cells")
-    if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
-        note(f"columns `corrected_` of the CSV: demands of {how_many(corrected, 'run')}, corrected by their errors")
+        note(f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell earlier; empty cells")
     if moving := store.count("at_rest = 0"):
         warn(f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest")

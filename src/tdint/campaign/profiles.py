@@ -505,6 +505,7 @@ def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, r
         dt=dt,
         duration=settings.duration,
         history=True,
+        check=False,
         until_rest=settings.until_rest,
     )
     return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))

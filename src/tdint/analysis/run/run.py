@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
-from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
+from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
@@ -98,7 +98,7 @@ def run(
     duration: float | None = None,
     history: bool = False,
     allow_unstable: bool = False,
-    check: bool | None = False,
+    check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
@@ -119,14 +119,12 @@ def run(
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
     check : bool or None
-        Estimate the errors of the peaks (`Response.check`): moment4 carries them along in the run; the run of another
-        method, and one whose step is too long for that, is repeated with a half and a quarter of the step. A repetition
-        that fails leaves them unknown. None: if the run can carry them along, without repetitions.
+        Tell the errors of the peaks (`Response.check`), by one more run of impulse4 with half of the step; a failure of
+        that leaves them unknown. True: those of the history, too. False: none, in a third of the time.
     tolerance : float or str, optional
-        Take the largest step with which the estimated error of every peak drift is within this part of it: from
-        several sampling intervals of the record, or from dt where one is given, down to a 256th of either
-        (`tdint.analysis.run.step_choice`). moment4 chooses its steps on the way, unless dt is given, or a history is
-        kept, whose rows are equally far from each other. The response is checked.
+        Take the largest step with which the told error of every peak drift is within this part of it: from four
+        sampling intervals of the record, or from dt where one is given, down to a 256th of the record's step or of dt
+        (`tdint.analysis.run.step_choice`).
     until_rest : bool
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
         at rest then.
@@ -197,10 +195,9 @@ def run_case(
     dt: float | None = None,
     duration: float | None = None,
     history: bool = False,
-    check: bool | None = False,
+    check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
-    equal: bool = False,
 ) -> Response:
     """Integrate a case in time.
 
@@ -210,8 +207,6 @@ def run_case(
         From `prepare`.
     dt, duration, history, check, tolerance, until_rest
         As of `run`.
-    equal : bool
-        Steps that are equally long for a tolerance, too.
 
     Returns
     -------
@@ -230,14 +225,12 @@ def run_case(
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h
-        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance, equal=equal)
+        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance)
         response = ended_at_rest(response)
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
 
-        return choose_step(case, tolerance, dt=dt, duration=duration, history=history, equal=equal)
+        return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    if check is False:
-        return case.march(steps, history)
-    return checked_run(case, steps, history, repeat=check is not None)
+    return case.march(steps, history) if check is False else told_run(case, steps, history, of_history=bool(check))

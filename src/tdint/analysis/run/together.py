@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case, doubtful, energy_errors, peaks_of, until_rest, windows
-from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
+from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.run import Subject
@@ -191,5 +191,5 @@ def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: boo
         steps, came = until_rest(case, steps)
         at_rest = int(came)
         steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
-    response = (checked_run if check else Case.march)(case, steps, history)
+    response = (told_run if check else Case.march)(case, steps, history)
     return (ended_at_rest(response) if to_rest else response), at_rest

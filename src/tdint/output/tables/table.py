@@ -31,9 +31,6 @@ Cell = bool | int | float | str | None
 TEXT = "text"
 """Unit of a column of words."""
 
-CORRECTED = "corrected_"
-"""What the name of a column begins with that is corrected by its error."""
-
 _UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]")
 """What steers a terminal, and halves of letters; not the bytes that Python could not read."""
 
@@ -138,19 +135,6 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """The columns of the estimated errors of others."""
     return tuple(
         replace(column, name=f"{column.name}_error", meaning=f"estimated absolute error of {column.name}")
-        for column in columns
-    )
-
-
-def corrected_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
-    """The columns of others once they are corrected by the error that a run has carried along."""
-    return tuple(
-        replace(
-            column,
-            name=f"{CORRECTED}{column.name}",
-            meaning=f"{column.name} corrected by the error that the run, or one with a smaller step, carried along; "
-            "empty where neither does",
-        )
         for column in columns
     )
 
