@@ -120,14 +120,15 @@ def test_errors_are_the_same_by_every_route(study: Path, tdint: Command) -> None
 
 
 def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
-    """Each once, as it was read last: a comment changes a file, not the campaign."""
+    """And the others, each once, as it was read last: a comment changes a file, not the campaign."""
+    files = ("shaken.yaml", "stiff.yaml", "study.yaml", "motion.mseed", "other.mseed")
 
     def told() -> dict[str, str]:
         inputs = json.loads(Path("varied/summary.json").read_text())["inputs"]
         return {one["file"]: one["sha256"] for one in inputs}
 
     def there() -> dict[str, str]:
-        return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in ("shaken.yaml", "stiff.yaml")}
+        return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files}
 
     change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"), ("0.25, 1, 2.5", "1"))
     tdint("campaign", "study.yaml", "-o", "varied", code=0)
@@ -476,7 +477,7 @@ def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(stu
     )
     tdint("campaign", "study.yaml", "-o", "new", code=3)
     summary = json.loads(Path("new/summary.json").read_text())
-    assert [one["file"] for one in summary["inputs"]] == ["rows.csv"]
+    assert [one["file"] for one in summary["inputs"]] == ["motion.mseed", "other.mseed", "rows.csv", "study.yaml"]
     unused = summary["not_used"]
     assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)  # b has two faults, and is one building
     assert "rows.csv:3" in unused["buildings"]["reasons"][0] and "X9" in unused["buildings"]["reasons"][0]

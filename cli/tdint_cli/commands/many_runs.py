@@ -25,6 +25,7 @@ from tdint_cli.campaigns import (
     carry_out,
     check_names,
     tell_outcomes,
+    warn_of_motions,
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
@@ -236,6 +237,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         carry_out(plan, engine, request, show=True)
         return
     store, _ = open_store(None, plan)
+    warn_of_motions(plan)
     note(*plan.notes)
     with store:
         profiles = Profiles(store, request)

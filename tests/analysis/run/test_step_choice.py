@@ -42,7 +42,7 @@ def test_the_largest_step_within_the_tolerance_is_taken(method, tolerance):
     plain = run(ten_bilinear(), record, method=method, dt=response.dt, check=False)
     assert np.array_equal(plain.stories.peak_drift, response.stories.peak_drift)
     assert off(response.stories) <= tolerance
-    # Of impulse4 the pair before, with twice and four times the step, tells three times the tolerance or more.
+    # Of impulse4 the pair before, with twice and four times the step, tells one and a half times the tolerance or more.
     pairs = method == "impulse4"
     if halvings < 1 + pairs:
         return
@@ -51,16 +51,16 @@ def test_the_largest_step_within_the_tolerance_is_taken(method, tolerance):
     except FailedRun as failure:
         assert (method, failure.status) == ("central-difference", "unstable-step")
     else:
-        assert before.check.drift_error > (3.0 if pairs else 1.0) * tolerance
+        assert before.check.drift_error > (1.5 if pairs else 1.0) * tolerance
 
 
-def test_the_finer_run_of_a_pair_has_a_third_of_the_error_that_the_pair_tells():
-    """By their peaks: 4/9 of the difference, a fifth of the stories' root mean square at least."""
+def test_the_finer_run_of_a_pair_has_two_thirds_of_the_error_that_the_pair_tells():
+    """By their peaks: 8/9 of the difference, a fifth of the stories' root mean square at least."""
     response = run(ten_bilinear(), noise(), method="impulse4", tolerance=0.02)
     check = response.check
     assert check.dts == (2.0 * response.dt, response.dt) and check.method.startswith("impulse4")
     coarse = run(ten_bilinear(), noise(), method="impulse4", dt=2.0 * response.dt, check=False).stories
-    relative = 4.0 / 9.0 * np.abs(coarse.peak_drift / response.stories.peak_drift - 1.0)
+    relative = 8.0 / 9.0 * np.abs(coarse.peak_drift / response.stories.peak_drift - 1.0)
     least = np.maximum(np.maximum(relative, 0.2 * np.sqrt(np.mean(relative**2))), 1e-5)
     assert check.errors.peak_drift / response.stories.peak_drift == pytest.approx(least, rel=1e-9)
 

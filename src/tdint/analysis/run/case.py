@@ -240,7 +240,10 @@ class Case:
 
     @cached_property
     def _doubts(self) -> tuple[str, ...]:
-        return doubts(self.model, self.building, self.record.pga if self.record else math.nan)
+        # What is told of the record itself is not told again.
+        told = self.record.warnings if self.record else ()
+        pga = self.record.pga if self.record else math.nan
+        return tuple(text for text in doubts(self.model, self.building, pga) if text not in told)
 
     def under(self, record: Record | None) -> Case:
         """The same building and method under another ground motion."""

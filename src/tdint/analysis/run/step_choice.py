@@ -1,9 +1,9 @@
 """The cheapest step of a run whose peak drifts are within a tolerance.
 
 It is looked for among steps that are halves of one another, from four sampling intervals of the record on, or from the
-step that was asked for. Of `impulse4` the next run in the row tells the errors, and is the one that is taken: a third
-of what the pair tells is to be within the tolerance. A run of another method is taken itself, and told by one of
-`impulse4` with half of the step (`tdint.analysis.run.error_estimate`).
+step that was asked for. Of `impulse4` the next run in the row tells the errors, and is the one that is taken: two
+thirds of what the pair tells are to be within the tolerance. A run of another method is taken itself, and one of
+`impulse4` with half of the step tells its errors (`tdint.analysis.run.error_estimate`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ buildings tell nothing; with two, those that four would do for take twice as lon
 _MOST_HALVINGS = 8
 """Halvings of the record's step, or of the one that was asked for, after which the search ends."""
 
-_OF_FINER = 4.0 / 9.0
-"""Error of the finer run of a pair over their difference: a third of the coarser one's as it is told, where order 2
-leaves a quarter."""
+_OF_FINER = 8.0 / 9.0
+"""Error of the finer run of a pair over their difference: two thirds of the coarser one's as it is told, where order 2
+leaves a quarter. Of 148 random buildings none is then beyond 1 or .1 %; with a third two runs are, for a tenth less
+time in the mean and the same in the median: buildings that degrade may go another way with finer steps."""
 
 _SAME = 1e-9
 """Numbers of steps that differ by less than this part are the same."""
