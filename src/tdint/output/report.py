@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,6 +20,7 @@ from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.record import Record, component_names
+from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
@@ -26,7 +28,7 @@ from tdint.output.summary import campaign_summary, versions
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
-from tdint.output.tables.table import CORRECTED, TEXT, Cell, Table, converted
+from tdint.output.tables.table import TEXT, Cell, Table, converted
 from tdint.units import SI, OutputUnits, suffix
 from tdint.written_numbers import how_many
 
@@ -49,21 +51,35 @@ _LARGE = 160_000
 """Bytes of a picture as SVG, from which it is put in as PNG: a long history has many points."""
 
 _STYLE = """
-@page { size: A4; margin: 15mm }
-body { font: 10pt/1.4 system-ui, "Segoe UI", Helvetica, Arial, sans-serif; color: #111; max-width: 180mm;
-  margin: 8mm auto; padding: 0 4mm }
-h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 7mm 0 2mm; border-bottom: 1px solid #bbb }
-table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0; width: 100% }
-th, td { border-bottom: 1px solid #ddd; padding: 0.6mm 1.2mm; text-align: right; vertical-align: top }
+@page { size: A4; margin: 15mm 15mm 18mm; @bottom-center { content: counter(page) " / " counter(pages);
+  font: 8pt Helvetica, Arial, sans-serif; color: #555 } }
+body { font: 10pt/1.4 Helvetica, Arial, sans-serif; color: #111; max-width: 180mm; margin: 8mm auto; padding: 0 4mm }
+h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 6mm 0 2mm; border-bottom: 1px solid #bbb }
+p { margin: 0 0 2.5mm } table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0 3mm; width: 100% }
+th, td { border-bottom: 1px solid #ddd; padding: 0.5mm 1.2mm; text-align: right; vertical-align: top }
 td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
 td.d { font: 6.5pt monospace; text-align: left }
 th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
-thead { display: table-header-group } tr, table, figure, p.w { break-inside: avoid } h2, p.k { break-after: avoid }
-figure { margin: 3mm 0 } img { max-width: 100%; max-height: 245mm; display: block; margin: 0 auto }
+thead { display: table-header-group } tr, figure, p.w, p.v { break-inside: avoid } h2, p.k { break-after: avoid }
+figure { margin: 2mm 0 3mm } img { max-width: 100%; display: block; margin: 0 auto }
 figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
-code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0; padding-left: 5mm }
-@media print { body { margin: 0; padding: 0; max-width: none } img { max-height: 160mm } }
+p.v { border: 1.5px solid #555; padding: 1.5mm 3mm; font-weight: 700 }
+p.kept { border-color: #1e7d3c; color: #14602c } p.broken { border-color: #b03a2e; color: #a02a1e }
+code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; padding-left: 5mm }
+.n { break-before: page }
+@media print { body { margin: 0; padding: 0; max-width: none } }
 """
+
+# Of a printed page, mm: what lies between its margins, and what Helvetica of the sizes above takes.
+_PAGE, _WIDTH = 262.0, 180.0
+_LINE, _LETTERS = 4.94, 96  # of a paragraph: 10 points times 1.4, letters of 1.87 mm
+_TABLE_LINE, _TABLE_LETTER = 4.2, 1.65
+_PARAGRAPH, _HEADING, _ROW, _FIGURE = 2.5, 12.0, 1.3, 9.5  # margins, of which the larger counts; a caption with them
+_KEPT = 34.0  # a heading with less below it goes to the next page with what it heads
+_WHITE = 52.0  # less than a quarter of a page: so much may stay white before a picture
+_LEAST_PART = 0.6  # of a picture's size: one that would be smaller waits for what comes behind it
+_SURE = 1.5 * _PAGE  # estimates of longer ways are off by more than a heading
+_TALLEST, _USUAL = 195.0, 110.0  # of the first picture, and of what comes after it
 
 LEFT_OUT = (
     "Each floor is one mass that moves sideways in one direction; there is no torsion, no floor flexibility, no "
@@ -103,6 +119,8 @@ class Told:
     ----------
     said : sequence of str
         The result in a few sentences.
+    verdict : sequence of (bool or None, str)
+        What was judged, and whether it is kept; None where nothing was asked for.
     warnings : sequence of str
         What changes the meaning of a number.
     head : sequence of (str, str)
@@ -115,6 +133,71 @@ class Told:
     warnings: Sequence[str] = ()
     head: Sequence[tuple[str, str]] = ()
     inputs: Sequence[Mapping[str, Any]] = ()
+    verdict: Sequence[tuple[bool | None, str]] = ()
+
+
+def page_units(units: OutputUnits) -> OutputUnits:
+    """The units of a page: as given, but kN in place of N, t beside kN, accelerations in g where none is named; so
+    tables have the units of pictures and no number needs a power of ten."""
+    force = "kN" if units.force == "N" else units.force
+    mass = "t" if (force, units.mass) == ("kN", "kg") else units.mass
+    return replace(units, force=force, mass=mass).in_pictures
+
+
+class _Flow:
+    """The parts of a page one after the other, and how far down the printed page they have come, mm, by estimate: what
+    would part from its heading or leave much of a page white is moved, and pictures shrink to the space there is."""
+
+    def __init__(self) -> None:
+        self.body: list[str] = []
+        self.down = 0.0
+        self.since = 0.0  # the last break that is sure
+        self.waiting: list[tuple[str, str, float]] = []
+
+    def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
+        """A paragraph: its element, what stands in it, and mm beside its lines."""
+        lines = sum(-(-max(len(line), 1) // _LETTERS) for line in re.sub("<br>", "\n", text).split("\n"))
+        self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
+        self.go(lines * _LINE + (height or _PARAGRAPH))
+
+    def go(self, height: float) -> None:
+        """Down by something that may break between pages."""
+        self.since += height
+        self.down = (self.down + height) % _PAGE
+
+    def kept(self, height: float) -> str:
+        """The class of what needs so much room below it: on the next page where that is not there, which is left to
+        the browser far from the last sure break."""
+        if _PAGE - self.down >= height:
+            return ""
+        sure, self.down = self.since < _SURE, 0.0
+        self.since = 0.0 if sure else self.since
+        return ' class="n"' * sure
+
+    def heading(self, title: str) -> None:
+        """A chapter's heading, with what begins it on the same page."""
+        self.body.append(f"<h2{self.kept(_KEPT)}>{escape(title)}</h2>")
+        self.go(_HEADING)
+
+    def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
+        """A picture as large as there is room for; one that would be small waits for what comes behind it."""
+        first = not any(text.startswith("<figure") for text in self.body)
+        whole, room = min(_WIDTH * ratio, _TALLEST if first else _USUAL), _PAGE - self.down - _FIGURE
+        large = whole <= room
+        if not large and room >= _WHITE - _FIGURE and room < _LEAST_PART * whole and not last:
+            self.waiting.append((image, caption, ratio))
+            return
+        onward = self.kept(_WHITE) if not large else ""
+        height = min(whole, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE)
+        size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
+        self.body.append(f"<figure{onward}><img {size} {image}><figcaption>{caption}</figcaption></figure>")
+        self.go(height + _FIGURE)
+
+    def place(self, *, last: bool = False) -> None:
+        """The pictures that wait, where there is room for them now."""
+        waiting, self.waiting = self.waiting, []
+        for image, caption, ratio in waiting:
+            self.picture(image, caption, ratio, last=last)
 
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
@@ -123,21 +206,31 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     of_all = versions()
     code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
     made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
-    body = [f"<h1>{escape(title)}</h1>"]
+    flow = _Flow()
+    flow.text("h1", escape(title), height=_LINE)
     if told.head:
         lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
-        body.append(f'<p class="h">{"<br>".join(lines)}</p>')
-    body.append(f"<p>{escape(about)}</p>")
-    body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in _once(told.warnings)]
+        flow.text("p", "<br>".join(lines), more=' class="h"')
+    # What was judged comes first, and what changes the meaning of a number before all numbers.
+    for kept, text in told.verdict:
+        kind = "" if kept is None else " kept" if kept else " broken"
+        flow.text("p", _said(text), more=f' class="v{kind}"', height=7.0)
+    flow.text("p", _said(about))
+    for text in _once(told.warnings):
+        flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
     for chapter in chapters:
         # What there is nothing to say of has no heading.
-        if any(_has(part) for part in chapter.parts):
-            body += [f"<h2>{escape(chapter.title)}</h2>", *(_part(part) for part in chapter.parts if _has(part))]
-    body.append(f"<h2>Versions</h2><p>{escape(made)}</p>")
+        if parts := [part for part in chapter.parts if _has(part)]:
+            flow.place()
+            flow.heading(chapter.title)
+            for part in parts:
+                _add(flow, part)
+    flow.place(last=True)
+    flow.text("p", f"Made by {escape(made)}.")
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n" + "\n".join(body)
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n" + "\n".join(flow.body)
     )
     return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
 
@@ -146,26 +239,37 @@ def _has(part: Part) -> bool:
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
-def _part(part: Part) -> str:
+def _add(flow: _Flow, part: Part) -> None:
     if isinstance(part, str):
-        kept = ' class="k"' if part.endswith(":") else ""
-        return f"<p{kept}>{_said(part)}</p>"
-    if isinstance(part, Table):
-        return _table(part)
-    if not isinstance(part, Picture):
-        return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
-    # Lines of thousands of points make a drawing larger than its pixels.
-    kind, content = "svg+xml", _drawn(part, ".svg")
-    if len(content) > _LARGE:
-        kind, content = "png", _drawn(part, ".png")
-    data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
-    image = f'<img alt="{caption}" src="data:image/{kind};base64,{data}">'
-    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+        flow.text("p", _said(part), more=' class="k"' if part.endswith(":") else "")
+    elif isinstance(part, Table):
+        _add_table(flow, part)
+    elif isinstance(part, Picture):
+        kind, content, (wide, high) = _drawn(part)
+        data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
+        flow.picture(f'alt="{caption}" src="data:image/{kind};base64,{data}"', caption, high / wide)
+    else:
+        lines = sum(-(-len(point) // _LETTERS) for point in part)
+        flow.body.append("<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>")
+        flow.go(lines * _LINE + 1.0 + _PARAGRAPH)
 
 
 def _said(text: str) -> str:
-    """Text of files' names and headers, lines kept."""
-    return "<br>".join(escape(line) for line in text.splitlines())
+    """Text of files' names and headers, lines kept, numbers without powers of ten."""
+    return "<br>".join(escape(_plain(line)) for line in text.splitlines())
+
+
+_POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
+
+
+def _plain(text: str) -> str:
+    """A text whose numbers have no powers of ten: four digits, and what is next to nothing by what it is below."""
+
+    def written(found: re.Match[str]) -> str:
+        value = float(found[0])
+        return "below 0.0001" if 0.0 < abs(value) < 1e-4 else f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+
+    return _POWER.sub(written, text)
 
 
 def _once(texts: Iterable[str]) -> list[str]:
@@ -177,44 +281,80 @@ def _once(texts: Iterable[str]) -> list[str]:
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
-def _drawn(picture: Picture, end: str) -> bytes:
-    stream = io.BytesIO()
-    figures.style.picture(end, picture.draw)(stream)
-    return stream.getvalue()
+def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
+    """The format, the content and the size of a picture: lines of thousands of points make a drawing that is larger
+    than its pixels."""
+    for end, kind in ((".svg", "svg+xml"), (".png", "png")):
+        drawing, stream = figures.style.picture(end, picture.draw), io.BytesIO()
+        figure = drawing.figure()
+        drawing.save(figure, stream)
+        if len(stream.getvalue()) <= _LARGE:
+            break
+    return kind, stream.getvalue(), tuple(figure.get_size_inches())
 
 
-def _table(table: Table) -> str:
-    """A table with its units in the heading and drift ratios in percent, columns without any value left out; one that
-    is wider than a page goes on below with its first column again."""
-    ratios = [name for name in table.columns if "drift_ratio" in name]
-    factors = [0.01 if name in ratios else 1.0 for name in table.columns]
-    cells = [[_shown(cell) for cell in map(converted, row, factors)] for row in table.rows]
+def _add_table(flow: _Flow, table: Table) -> None:
+    """A table with its units in the heading and drift ratios in percent, columns without any value and zeros of dampers
+    that are not there left out; one that is wider than a page goes on below with its first column again."""
     # A heading is the name of its column in words, the unit in brackets; words and digests stand on the left.
-    heads, sides = [], []
-    for name in table.columns:
-        unit = "%" if name in ratios else table.meanings.get(name, {}).get("unit", TEXT)
+    heads, sides, cells = [], [], []
+    for i, name in enumerate(table.columns):
+        column = [row[i] for row in table.rows]
+        unit, factor = table.meanings.get(name, {}).get("unit", TEXT), 1.0
         error = " error" * name.endswith("_error")
         bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
+        largest = max((abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell)), default=0.0)
+        if "drift_ratio" in name:
+            unit, factor = "%", 0.01
+        elif unit == "m" and 0.0 < largest < _MILLIMETERS:
+            unit, factor = "mm", 1e-3
         heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
         sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
-    kept = [i for i in range(len(heads)) if any(row[i] for row in cells)]
+        written = [_shown(converted(cell, factor), largest / factor) for cell in column]
+        cells.append([""] * len(written) if "damper_force" in name and largest == 0.0 else written)
+    kept = [i for i, column in enumerate(cells) if any(column)]
     # The first column says which row it is, on each width.
     widths = [kept[:MOST_COLUMNS]]
     for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
         widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
-    tables = []
     for columns in widths:
+        # As wide as their longest cells and words of headings; columns of words share what those of numbers leave.
+        most = {i: max(map(len, cells[i])) for i in columns}
+        wide = [i for i in columns if sides[i] and "d" not in sides[i]]
+        numbers = sum(max(most[i], *map(len, heads[i].split())) for i in columns if i not in wide)
+        words = (_WIDTH - 2.4 * len(columns)) / _TABLE_LETTER - numbers
+        part = min(1.0, max(words, 20.0) / max(sum(most[i] for i in wide), 1))
         head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
-        rows = ("".join(f"<td{sides[i]}>{escape(row[i])}</td>" for i in columns) for row in cells)
-        lines = "\n".join(f"<tr>{row}</tr>" for row in rows)
-        tables.append(f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>")
-    return "\n".join(tables)
+        one_line = numbers + sum(len(heads[i]) for i in columns) < words + numbers
+        high = (1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)) * _TABLE_LINE + _ROW
+        onward = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
+        flow.go(high + 1.0)
+        lines = []
+        for number in range(len(table.rows)):
+            row = "".join(f"<td{sides[i]}>{escape(cells[i][number])}</td>" for i in columns)
+            lines.append(f"<tr>{row}</tr>")
+            tall = max((math.ceil(len(cells[i][number]) / max(part * most[i], 1.0)) for i in wide), default=1)
+            step = max(tall, 1) * _TABLE_LINE + _ROW
+            # The heading is there again on each page.
+            flow.go(step if flow.down + step <= _PAGE else _PAGE - flow.down + high + step)
+        rows = "\n".join(lines)
+        flow.body.append(f"<table{onward}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>")
 
 
-def _shown(cell: Cell) -> str:
+_MILLIMETERS = 0.01
+"""Lengths in m below this are told in mm: a column of them has four digits without a power of ten."""
+
+
+def _shown(cell: Cell, largest: float = 1.0) -> str:
+    """A cell in four digits, without a power of ten: what is next to nothing beside the largest of its column is 0."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+    if not isinstance(cell, float):
+        return _plain(str(cell))
+    text = f"{cell:.4g}"
+    if "e" in text:
+        text = f"{float(text):.0f}" if abs(cell) >= 1.0 else "0" if abs(cell) < 1e-4 * largest else f"{cell:.7f}"
+    return text
 
 
 def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
@@ -255,6 +395,9 @@ def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]]
 _MOST_MOTIONS = 60
 """Motions whose spectra are drawn."""
 
+_NAMED_SPECTRA = 6
+"""Spectra of which each has its name in a low picture."""
+
 _MOST_LEVELS = 4
 """Levels of which the motions are listed."""
 
@@ -290,26 +433,33 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
     floors : sequence of FloorSpectrum
         The spectra of its floors that were asked for.
     """
-    model, check = response.model, response.check
-    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ())).in_units(units)
+    model, check, units = response.model, response.check, page_units(units)
+    whole = story_table(response.stories, check.errors if check else None).in_units(units)
     # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
     damped = any(response.stories.peak_damper_force)
     places = {_quantity(whole, name): name for name in whole.columns}
     names = [places[name] for name in _OF_STORIES if name in places and not (damped and name == "peak_shear")]
     omega, damping = assemble(model).first_mode()
     drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
-    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Spectra of floors")
+    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra")
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
-        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, 2.0 * math.pi / omega, damping, units),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
-        _assumptions(f"{response.method}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
+        _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (_once(response.notes),)),
         _inputs(told.inputs),
     ]
     return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
+
+
+def method_words(specification: str) -> str:
+    """A method by its name and who published it."""
+    chosen = parse(specification)
+    usual = chosen.values == parse(chosen.method.name).values
+    return f"{chosen.method.name if usual else specification} ({chosen.method.source})"
 
 
 def _quantity(table: Table, name: str) -> str:
@@ -318,10 +468,10 @@ def _quantity(table: Table, name: str) -> str:
 
 
 def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tuple[Part, ...]:
-    """The errors of these columns in percent, and the drifts that are corrected by them."""
+    """The errors of these columns in percent."""
     check = response.check
     if check is None or check.drift_error is None:
-        return ("The error of the time integration was not estimated; --check does.",)
+        return ("The error of the time integration was not estimated.",)
     cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
     # Ratios have the errors of their drifts, in percent the same ones.
     drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
@@ -332,10 +482,6 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
         columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
     labels = [_quantity(whole, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {"story": whole.meanings["story"]}
-    if (corrected := f"{CORRECTED}{drift}") in cells:
-        columns.append(cells[corrected])
-        labels.append(corrected)
-        meanings[corrected] = whole.meanings[corrected]
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
 
 
@@ -370,7 +516,7 @@ def suite_page(
     floors : sequence of FloorSuite
         The spectra of floors over the motions that were asked for.
     """
-    content = campaign_summary(store)
+    content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
@@ -378,28 +524,30 @@ def suite_page(
         lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
-    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
+    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope")
     # Of many buildings the first ones: a page is read, not searched.
     models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
-    methods = ", ".join(dict.fromkeys(item.method for item in models))
+    methods = ", ".join(dict.fromkeys(method_words(item.method) for item in models))
     step_given = plan.settings.dt
     step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
     # What scaling and records leave doubtful stands at the top, as a warning.
     scaled, doubts = _scaling(plan, units)
+    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
+    warned = [text.partition(": ")[2] for text in of_records]
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
-        Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
+        Chapter("Ratios to the baseline", (_compared(ratios),) if ratios else ()),
         *(_over_motions(item, units) for item in profiles),
+        _one_by_one(store),
         Chapter("Damage", _damage(store)),
-        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
-        Chapter("Notes", (_once(plan.notes),)),
+        Chapter("Notes", (_once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
         _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
     ]
-    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
     told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
@@ -407,13 +555,37 @@ def suite_page(
 def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
     """Means and largest values of a building, and where they were estimated their errors."""
     has_heights = not np.isnan(profile.height).any()
-    parts: list[Part] = [
-        profile_table(profile, ("peak_drift_ratio" if has_heights else "peak_drift", *_OF_SUITE), units)
-    ]
+    # An isolator has no height: its drift stands beside the ratios, which limits are for.
+    drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
+    parts: list[Part] = [profile_table(profile, (*drifts, *_OF_SUITE), units)]
     if profile.peak_errors:
         parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Over the motions: {building}", parts)
+
+
+def _one_by_one(store: Store) -> Chapter:
+    """A row for each run, the largest drift first: which motions carry the mean, and which brought a building down."""
+    query = (
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, u.peak_drift_story, "
+        "(SELECT max(s.ductility) FROM story_rows s WHERE (s.building, s.record, s.scale, s.sample) = "
+        "(u.building, u.record, u.scale, u.sample)), u.status FROM run_rows u JOIN buildings b ON b.id = u.building "
+        "JOIN records r ON r.id = u.record ORDER BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
+    )
+    rows = store.connection.execute(query).fetchall()
+    several = len({row[0] for row in rows}) > 1
+    columns = ("building", "record", "component", "factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    # A drift ratio says more than its length.
+    by_ratio = any(row[4] is not None for row in rows)
+    out = {"peak_drift_m" if by_ratio else "peak_drift_ratio", "" if several else "building"}
+    kept = [i for i, name in enumerate((*columns, "status")) if name not in out]
+    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[3:]} | {"peak_drift_m": {"unit": "m"}}
+    shown = [tuple(row[i] for i in kept) for row in rows[:_MOST_MOTIONS]]
+    more = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all." if len(rows) > _MOST_MOTIONS else ""
+    return Chapter(
+        "Motions one by one, largest drift first",
+        (Table(tuple((*columns, "status")[i] for i in kept), shown, meanings), more),
+    )
 
 
 def _compared(ratios: Table) -> Table:
@@ -500,6 +672,8 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 settings["damping"],
                 target=read_target(settings["target"]),
                 periods=np.geomspace(*settings["periods_s"]),
+                # Of the rules that check the average: the picture shows it, and 90 % of the target, by this.
+                least=None if (least := settings["least_average_over_target"]) is None else (least, math.nan),
             )
             parts.append(
                 Picture(partial(figures.collapse.suite_picture, scaling, units), "The scaled motions and the target")
@@ -526,7 +700,9 @@ def _motions(
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]
-            draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+            draw = partial(figures.spectrum_curves.low_picture, spectra, units)
+            if len(spectra) > _NAMED_SPECTRA:
+                draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{said}"))
     return Chapter("Ground motions", parts)
 
