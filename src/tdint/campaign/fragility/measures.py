@@ -26,8 +26,8 @@ from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
-from tdint.ground_motion import measures
 from tdint.ground_motion.horizontals import motion_name
+from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
@@ -89,29 +89,7 @@ class RunMeasure:
             return math.nan
 
 
-def _of_record(name: str) -> Callable[[Record, float], float]:
-    """What gives one of the measures of a motion by itself."""
-    return lambda record, period: float(getattr(measures.measure(record), name))
-
-
-_OF_MOTIONS = {
-    "pga": RunMeasure("pga", "m/s^2", "peak ground acceleration", lambda record, period: record.pga),
-    "pgv": RunMeasure("pgv", "m/s", "peak ground velocity", _of_record("pgv")),
-    "pgd": RunMeasure("pgd", "m", "peak ground displacement", _of_record("pgd")),
-    "arias": RunMeasure("arias_intensity", "m/s", "Arias intensity", _of_record("arias"), 2.0),
-    "cav": RunMeasure("cav", "m/s", "cumulative absolute velocity", _of_record("cav")),
-    "cav5": RunMeasure(
-        "cav5",
-        "m/s",
-        "the same of accelerations of 0.05 m/s^2 and more",
-        _of_record("cav5"),
-        None,
-    ),
-    "d5-75": RunMeasure("d5_75", "s", "time between 5 and 75 % of the Arias intensity", _of_record("d5_75"), 0.0),
-    "d5-95": RunMeasure("d5_95", "s", "time between 5 and 95 % of the Arias intensity", _of_record("d5_95"), 0.0),
-}
-_PLAIN = {name: replace(measure, called=name) for name, measure in _OF_MOTIONS.items()}
-_FORMS = (*_PLAIN, "sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
+_FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
 
 
 def run_measure(text: str) -> RunMeasure:
@@ -124,12 +102,23 @@ def run_measure(text: str) -> RunMeasure:
         There is no such measure, or a number is missing or wrong.
     """
     name, _, rest = text.strip().partition(":")
-    if name in _PLAIN and not rest:
-        return _PLAIN[name]
+    # A name may be written as its column is, d5_75 for d5-75.
+    of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
+    if of_motion and not rest:
+        value = of_motion.of
+        return RunMeasure(
+            of_motion.head,
+            of_motion.unit,
+            of_motion.meaning,
+            lambda record, period: value(record),
+            of_motion.power,
+            of_motion.name,
+        )
     kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in kinds:
-        hint = did_you_mean(name, [*kinds, *_PLAIN])
-        raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {', '.join(_FORMS)})")
+        names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
+        hint = did_you_mean(name, [*kinds, *MEASURES_OF_MOTION])
+        raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {names})")
     try:
         return kinds[name](rest)
     except (UsageError, ValueError) as error:
