@@ -270,7 +270,7 @@ def _files(
         model = response.model
         page = page_units(model.page_units)
         # What was judged; without a limit the largest demands.
-        verdict = (None, f"Largest {_largest(model, response.stories, page, page=True)}.")
+        verdict: tuple[bool | None, str] = (None, f"Largest {_largest(model, response.stories, page, page=True)}.")
         if judged := _judged(response, request.limit):
             verdict = (judged[0], kept_words(judged[0]) + judged[1])
         # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of

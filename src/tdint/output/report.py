@@ -172,7 +172,7 @@ class _Flow:
             return ""
         sure, self.down = self.since < _SURE, 0.0
         self.since = 0.0 if sure else self.since
-        return ' class="n"' * sure
+        return ' class="n"' if sure else ""
 
     def heading(self, title: str) -> None:
         """A chapter's heading, with what begins it on the same page."""
@@ -284,8 +284,8 @@ def _once(texts: Iterable[str]) -> list[str]:
 def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
     """The format, the content and the size of a picture: lines of thousands of points make a drawing that is larger
     than its pixels."""
-    for end, kind in ((".svg", "svg+xml"), (".png", "png")):
-        drawing, stream = figures.style.picture(end, picture.draw), io.BytesIO()
+    for kind in ("svg+xml", "png"):
+        drawing, stream = figures.style.picture(f".{kind[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
         drawing.save(figure, stream)
         if len(stream.getvalue()) <= _LARGE:
@@ -310,6 +310,9 @@ def _add_table(flow: _Flow, table: Table) -> None:
             unit, factor = "mm", 1e-3
         heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
         sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
+        if name == "record":  # files by the names that tell them apart: where they lie stands under Inputs
+            called = figures.style.record_names(map(str, column))
+            column = [called[str(cell)] for cell in column]
         written = [_shown(converted(cell, factor), largest / factor) for cell in column]
         cells.append([""] * len(written) if "damper_force" in name and largest == 0.0 else written)
     kept = [i for i, column in enumerate(cells) if any(column)]
