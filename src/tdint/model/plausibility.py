@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.ground_motion.record import doubt_of_peak
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
 from tdint.units import STANDARD_GRAVITY
@@ -42,7 +43,7 @@ class Usual:
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
 
 
-_SECONDS, _METERS, _GRAVITY = "{:.3g} s", "{:.3g} m", "{:.3g} g"
+_SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
 
 PERIOD = Usual(
     "fundamental period",
@@ -79,13 +80,6 @@ STRENGTH = Usual(
     "{:.3g}",
     "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
 )
-PGA = Usual(
-    "peak ground acceleration",
-    1e-4,
-    2.5,
-    _GRAVITY,
-    "the largest ever recorded are near 2 to 3 g, below 1e-4 g nobody feels it: are the units of the record right?",
-)
 COLLAPSE = Usual(
     "collapse_drift",
     0.0,
@@ -121,11 +115,11 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     for bound, value in (
         (PERIOD, 2.0 * math.pi / omega),
         (DAMPING, damping),
-        (PGA, pga / STANDARD_GRAVITY),
         (COLLAPSE, model.collapse_drift),
     ):
         if not bound.holds(value):
             told.append(bound.told(bound.text(value)))
+    told += doubt_of_peak(pga)
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])

@@ -474,7 +474,7 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
     """The errors of these columns in percent."""
     check = response.check
     if check is None or check.drift_error is None:
-        return ("The error of the time integration was not estimated.",)
+        return ("The error of the time integration was not told: --no-check leaves it out.",)
     cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
     # Ratios have the errors of their drifts, in percent the same ones.
     drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
