@@ -195,7 +195,8 @@ class Profiles:
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
         models, if they agree."""
-        from tdint.output.report import Told, suite_page
+        from tdint.output.page import Told
+        from tdint.output.report import suite_page
         from tdint.output.summary import files_read
 
         request, limit = self.request, self.request.limit

@@ -261,7 +261,8 @@ def _files(
     first = first_mode(case.building, response.record)
     content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
     if request.report:
-        from tdint.output.report import Told, page_units, run_page
+        from tdint.output.page import Told, page_units
+        from tdint.output.report import run_page
 
         model = response.model
         page = page_units(model.page_units)
