@@ -237,8 +237,8 @@ def test_dashpots_of_a_model_say_their_law():
     model = load_model({"stories": stories})
     assert [row[-1] for row in buildings.model_table(model).rows] == [
         "5000 v (N; v in m/s)",
-        "8000 v^0.5 (N; v in m/s)",
+        "8000 v^0.5 (N; v in m/s; linear below 0.01 m/s)",
         "",
     ]
-    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s)"
+    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s; linear below 10 mm/s)"
     assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == words
