@@ -195,20 +195,21 @@ class Profiles:
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
         models, if they agree."""
-        from tdint.output.report import Told, suite_page
+        from tdint.output.page import Told
+        from tdint.output.report import suite_page
         from tdint.output.summary import files_read
 
         request, limit = self.request, self.request.limit
-        said = [] if limit is None else [self._told(profile, _verdict(profile, limit)[0]) for profile in self.found]
+        verdicts = [] if limit is None else [(profile, *_verdict(profile, limit)) for profile in self.found]
         lost = [text for profile in self.found if (text := self._lost(profile))]
         # Units and head of the page: the models', as far as they agree.
         models = {profile.source: profile for profile in plan.models}.values()
         units, heads = {profile.page_units for profile in models}, {profile.page_head for profile in models}
         told = Told(
-            said,
-            [*(str(error) for error in plan.failures), *lost],
-            request.report_head or (heads.pop() if len(heads) == 1 else ()),
-            files_read(),
+            warnings=[*(str(error) for error in plan.failures), *lost],
+            head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
+            inputs=files_read(),
+            verdict=[(kept, kept_words(kept) + self._told(profile, text)) for profile, text, kept in verdicts],
         )
         return suite_page(
             plan,
@@ -283,6 +284,11 @@ class Profiles:
         return []
 
 
+def kept_words(kept: bool) -> str:
+    """The first words of a verdict."""
+    return f"Limit {'kept' if kept else 'NOT kept'}. "
+
+
 def _name(profile: Profile, among: list[Profile]) -> str:
     """Building and level, as far as they tell it from others."""
     parts = [profile.building] if len({other.building for other in among}) > 1 else []
@@ -351,7 +357,7 @@ def carry_out(
 
     for option, asked in (("--plot", request.plot), ("--baseline", request.baseline), ("--limit", request.limit)):
         if asked is not None and not plan.settings.keeps_stories:
-            raise UsageError(f"{option}: {_NOT_KEPT}")
+            raise AnalysisError(f"{option}: {_NOT_KEPT}")
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     with locked(folder):

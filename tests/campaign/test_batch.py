@@ -10,9 +10,8 @@ import tdint
 from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import run_sequence
-from tdint.analysis.run.together import Outcomes, run_together
+from tdint.analysis.run.together import Outcomes, Subject, run_together
 from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
 from tdint.ground_motion.record import JoinedRecord, Record
 

@@ -19,7 +19,7 @@ WORDS = {
     "configs/README.md": 3500,
     "records/README.md": 1300,
     "src/GLOSSARY.md": 900,
-    "src/README.md": 1950,
+    "src/README.md": 2350,
     "src/tdint/README.md": 2700,
     "src/tdint/analysis/spectra/README.md": 950,
     "src/tdint/campaign/MACHINES.md": 700,

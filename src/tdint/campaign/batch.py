@@ -18,10 +18,9 @@ from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import NO_STEP, STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of
 from tdint.analysis.run.step_choice import step_within
-from tdint.analysis.run.together import run_together
+from tdint.analysis.run.together import Subject, run_together
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.errors import AnalysisError

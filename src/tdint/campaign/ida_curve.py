@@ -13,8 +13,8 @@ import numpy as np
 
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
 from tdint.analysis.run.outcome import UNSTABLE, FailedRun
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
+from tdint.analysis.run.together import Subject
 from tdint.arrays import Array
 from tdint.campaign.batch import Batch, Run, RunRow
 from tdint.errors import AnalysisError, UsageError

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep

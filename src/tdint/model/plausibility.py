@@ -67,12 +67,9 @@ HEIGHT = Usual(
     "below it nobody stands, above it a hall ends: is the unit of length right?",
 )
 FLOOR = Usual(
-    "mass of a floor",
-    1e3,
-    1e8,
-    "{:.3g} kg",
-    "the floor of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
-)
+    "mass of a floor", 1e3, 1e8, "{:.3g} kg",
+    "that of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
+)  # fmt: skip
 STRENGTH = Usual(
     "yield force over the weight above:",
     0.005,
@@ -81,11 +78,7 @@ STRENGTH = Usual(
     "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
 )
 COLLAPSE = Usual(
-    "collapse_drift",
-    0.0,
-    0.20,
-    "{:.3g}",
-    "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
+    "collapse_drift", 0.0, 0.20, "{:.3g}", "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1"
 )
 DUCTILITY = Usual(
     "ductility", 0.0, 50.0, "{:.3g}",
@@ -127,9 +120,8 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
 
 
 def unusual_floors(building: Building) -> list[str]:
-    """A line on floors too light or too heavy, for `tdint check`: a building of 200 kg for 200 t may have the period
-    and the strength over weight of the right one. Without heights of its stories a model may be one of a
-    laboratory or a textbook, and a period that is not usual is told instead."""
+    """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period may be usual. Models
+    without heights of stories may be of a laboratory or a textbook."""
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
@@ -144,6 +145,45 @@ class StoryPeaks(Tabular, StoryValues):
 @dataclass(frozen=True)
 class StoryErrors(StoryValues):
     """Estimated absolute errors of the peaks of the same names, in their units; nan where unknown."""
+
+
+@dataclass(frozen=True, repr=False)
+class Gradient(StoryValues):
+    """Derivatives of the peaks of the same names, in their units over those of the parameters; arrays have the
+    parameters first, shape (parameters, n), of many runs (runs, parameters, n); nan where a neighbor has no result.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        What they are by, as asked for.
+    values : ndarray, shape (parameters,) or (runs, parameters)
+        The numbers at which they are taken, SI units; of factors 1.
+    doubt : StoryErrors
+        Half of what the differences to either side part by: rounding and curvature where the peak is smooth, the jump
+        at a kink. An indication, no bound.
+    history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
+        Derivatives of the histories that were kept.
+    by : str
+        How they were found.
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    doubt: StoryErrors
+    history: dict[str, NDArray[np.floating[Any]]]
+    by: str = "central differences"
+
+    def __repr__(self) -> str:
+        return f"<Gradient by {how_many(len(self.parameters), 'parameter')}: {self.by}>"
+
+    def of_run(self, number: int) -> Gradient:
+        """Those of one of many runs."""
+        kept = {name: array[number] for name, array in self.history.items()}
+        peaks, doubt = (
+            {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)} for of in (self, self.doubt)
+        )
+        both: dict[str, Any] = {**peaks, "doubt": StoryErrors(**doubt)}
+        return replace(self, **both, values=self.values[number], history=kept)
 
 
 @dataclass(frozen=True)
@@ -412,6 +452,8 @@ class Response(Tabular):
     shocks : tuple of Shock
         Of a sequence what each shock did, up to the one in which the run ended; `record` and `stories` are those of the
         whole sequence.
+    gradient : Gradient or None
+        Derivatives of the peaks, if they were asked for (`tdint.analysis.run.gradient`).
     """
 
     model: Model
@@ -436,6 +478,7 @@ class Response(Tabular):
     pieces: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
     shocks: tuple[Shock, ...] = ()
+    gradient: Gradient | None = None
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

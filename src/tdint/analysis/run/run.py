@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
 
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
@@ -12,81 +11,9 @@ from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
-from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
-from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
-from tdint.methods.method import Integrator
-from tdint.model.definition import Model
-
-_parsed = lru_cache(maxsize=64)(parse)
-"""The method of a specification, read once for all buildings that share it."""
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A building and the method that integrates it; what follows from both is found once and kept.
-
-    Attributes
-    ----------
-    model : Model
-        The building; what it says of a record is not asked.
-    method : str
-        The method with its parameters.
-    """
-
-    model: Model
-    method: str
-
-    @cached_property
-    def prepared(self) -> PreparedBuilding:
-        """The building as arrays."""
-        return PreparedBuilding.of(self.model)
-
-    @cached_property
-    def integrator(self) -> Integrator:
-        """The method."""
-        return _parsed(self.method)
-
-    def case(self, record: Record | None, scale: float = 1.0) -> Case:
-        """The building under a ground motion times a factor, or at rest."""
-        scaled = record if record is None or scale == 1.0 else record.scaled(scale)
-        return Case(self.model, self.prepared, scaled, self.integrator)
-
-    def march_many(
-        self, motions: Motions, runs: Sequence[tuple[int, float, Steps]], rest: Rest | None = None
-    ) -> MarchedRuns:
-        """Integrate runs of one step in one compiled call.
-
-        Parameters
-        ----------
-        runs : sequence of (int, float, Steps)
-            The number of each one's ground motion, the factor on it, and its steps.
-        rest : Rest, optional
-            How long they go on with the ground at rest.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not integrate this building.
-        """
-        return self.prepared.march_many(
-            self.integrator,
-            runs[0][2].h,
-            motions.samples,
-            [motions.lane(*run) for run in runs],
-            collapse_drift=self.model.collapse_drift,
-            rest=rest,
-        )
-
-    @cached_property
-    def period(self) -> float:
-        """First period of the initial stiffness, s."""
-        return self.prepared.period
-
-    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
-        return Subject, (self.model, self.method)  # what was kept is found again where it goes
 
 
 def run(
@@ -101,6 +28,7 @@ def run(
     check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
 ) -> Response:
     """Integrate a model in time.
 
@@ -128,6 +56,10 @@ def run(
     until_rest : bool
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
         at rest then.
+    gradient : str or sequence of str
+        Names as those of `vary` of `run_many`: `stories[1].stiffness`, `damping`, `record.scale`. The derivatives of
+        the peaks, and of a history that is kept, by these numbers, of factors at 1, in `Response.gradient`: by
+        differences of two neighbors each, in one call of all.
 
     Returns
     -------
@@ -136,7 +68,7 @@ def run(
     Raises
     ------
     UsageError
-        An unknown method, a step that does not fit, or a tolerance that is none.
+        An unknown method, a step that does not fit, or a tolerance that is none; no number of that name.
     ModelError
         The model is none.
     RecordError
@@ -146,9 +78,15 @@ def run(
         (`FailedRun`).
     """
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
-    return run_case(
+    names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
+    response = run_case(
         case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
     )
+    if not names:
+        return response
+    from tdint.analysis.run.run_many import gradient_of
+
+    return replace(response, gradient=gradient_of(case, response, names))
 
 
 def prepare(
