@@ -5,6 +5,7 @@ the line `<!-- session -->`, holds commands and what they print; `--parts` leave
 """
 
 import ast
+import inspect
 import math
 import os
 import re
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tdint import plugin
 from tdint.analysis.assessment.failures import HardProblem, problems
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum
@@ -233,9 +235,34 @@ def column_tables():
     return "\n".join(lines) + "\n"
 
 
+def plugin_names():
+    """The names of `tdint.plugin` by the modules in which they stand, with what they say of themselves."""
+    groups = {}
+    for name, home in plugin.HOMES.items():
+        groups.setdefault(home, []).append(name)
+    parts = []
+    for home, names in groups.items():
+        what = _first_sentence(ROOT / "src" / f"{home.replace('.', '/')}.py").rstrip(":")
+        told = {name: _told_name(name) for name in names}
+        bare = ", ".join(f"`{name}`" for name, line in told.items() if not line)
+        parts += [f"**{what}**" + f": {bare}" * bool(bare), "", *filter(None, told.values()), ""]
+    return "\n".join(parts)
+
+
+def _told_name(name):
+    """A line of a name with its arguments, or the members of a tuple, and the first sentence about it; none of what
+    says nothing."""
+    thing = getattr(plugin, name)
+    if not (inspect.isfunction(thing) or inspect.isclass(thing)):
+        return ""
+    called = f"({', '.join(inspect.signature(thing).parameters)})" if not hasattr(thing, "__dataclass_fields__") else ""
+    text = " ".join(re.split(r"\.\s|\n\n|;\s", inspect.getdoc(thing) or "", maxsplit=1)[0].split()).rstrip(".")
+    return f"- `{name}{called}`" + f": {text}" * bool(text)
+
+
 PARTS = {
     "columns": column_tables, "commands": command_list, "layers": layer_table, "laws": law_table,
-    "methods": method_table, "models": model_table, "problems": problem_table,
+    "methods": method_table, "models": model_table, "plugin": plugin_names, "problems": problem_table,
 }  # fmt: skip
 """What each generated part is made by; a part stands in one file."""
 

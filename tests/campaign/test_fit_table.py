@@ -9,6 +9,7 @@ import pytest
 
 from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table, fragility
 from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
+from tdint.campaign.fragility.measures import line
 from tdint.errors import AnalysisError, UsageError
 
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
@@ -120,6 +121,76 @@ def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -
 def fit_table_words(folder: Path, x: np.ndarray, demand: np.ndarray) -> str:
     (one,) = fit_cloud(x, demand, (0.016,))
     return one.beside_counts(x, demand > 0.016).disagreement
+
+
+def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Two tables of 14 motions, two components at four levels each, which err alike, and what they were made of."""
+    random = np.random.default_rng(11)
+    motion = np.repeat(np.arange(14), 8)
+    im = np.tile(np.repeat(LEVELS, 2), 14) * np.exp(0.2 * random.standard_normal(motion.size))
+    edp = 0.004 * im**0.9 * np.exp(0.4 * random.standard_normal(14)[motion] + 0.2 * random.standard_normal(motion.size))
+    for name, head in (("runs.csv", "im,peak_drift_ratio"), ("cloud.csv", "im,edp")):
+        lines = [f"building,status,im_name,unit,record,component,{head}{',event' * event}"]
+        for place, (k, x, d) in enumerate(zip(motion.tolist(), im.tolist(), edp.tolist(), strict=True)):
+            # With events records have names of their own, and the event says what errs alike.
+            record = f"r{place}" if event else f"r{k}.mseed"
+            lines.append(f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}")
+        (folder / name).write_text("\n".join(lines) + "\n")
+    return motion, im, edp
+
+
+@pytest.mark.parametrize("event", [False, True])
+def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) -> None:
+    """Of a cloud of runs, of a table of one's own, and of the slope beside which measures are compared: by fits
+    without each motion, by hand; the information matrix, by which runs are independent, has half of it."""
+    motion, im, edp = scattered(tmp_path, event)
+    functions = [fit_table(str(tmp_path / name), FragilityRequest("cloud", (OVER,))).functions[0]
+                 for name in ("runs.csv", "cloud.csv")]  # fmt: skip
+    (alone,) = fit_cloud(im, edp, (OVER,))
+    left = [fit_cloud(im[motion != k], edp[motion != k], (OVER,))[0] for k in range(14)]
+    for name, values in (
+        ("theta_error", [math.log(fit.theta) for fit in left]),
+        ("beta_error", [fit.beta for fit in left]),
+    ):
+        error = math.sqrt(13.0 * float(np.var(values)))
+        assert [getattr(fit, name) for fit in functions] == pytest.approx([error, error], rel=1e-6)
+    assert functions[0].theta_error > 1.5 * alone.theta_error
+    slopes = [np.polyfit(np.log(im[motion != k]), np.log(edp[motion != k]), 1)[0] for k in range(14)]
+    found = line(np.log(im), np.log(edp), {}, motion=motion)
+    assert found.slope_error == pytest.approx(math.sqrt(13.0 * float(np.var(slopes))), rel=1e-9)
+
+
+def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
+    """Twins count as one motion: the error is that of one of each, and that of motions of their own stays as it was."""
+    capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
+    rows = [f"{value!r},r{place}" for place, value in enumerate(capacity.tolist())]
+    errors = {}
+    for name, of in (("single", rows), ("twins", rows + rows)):
+        (tmp_path / f"{name}.csv").write_text("\n".join(["capacity,record", *of]))
+        errors[name] = fit_table(str(tmp_path / f"{name}.csv"), FragilityRequest()).functions[0].theta_error
+    assert errors["single"] == pytest.approx(np.std(np.log(capacity), ddof=1) / 3.0)
+    assert errors["twins"] == pytest.approx(errors["single"])
+
+
+def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
+    """Three of 112 runs are beyond 5 %: no interval; nor above all intensities, where an eighth is beyond."""
+    _, im, edp = scattered(tmp_path, False)
+    high, middle = np.sort(edp)[-4], float(np.quantile(edp, 0.5))
+    result = fit_table(str(tmp_path / "runs.csv"), FragilityRequest("cloud", (high, middle)))
+    rare, usual = result.functions
+    assert math.isnan(rare.theta_error) and math.isnan(rare.beta_error) and usual.theta_error > 0.0
+    assert result.disagreements == [
+        f"less than 10 % of the runs are beyond threshold {high:g}: the median is extrapolated"
+    ]
+    low = im < float(np.quantile(im, 0.2))
+    cells = "\n".join(f"{x!r},{d!r}" for x, d in zip(im[low].tolist(), edp[low].tolist(), strict=True))
+    (tmp_path / "low.csv").write_text(f"im,edp\n{cells}\n")
+    eighth = float(np.quantile(edp[low], 0.88))
+    result = fit_table(str(tmp_path / "low.csv"), FragilityRequest("cloud", (eighth,)))
+    assert result.functions[0].theta > np.max(im[low]) and math.isnan(result.functions[0].theta_error)
+    assert result.disagreements == [
+        f"every intensity lies below the median of threshold {eighth:g}: the median is extrapolated"
+    ]
 
 
 def test_one_run_without_a_result_is_told(tmp_path: Path) -> None:

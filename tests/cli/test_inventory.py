@@ -1,5 +1,6 @@
 """`tdint inventory` and `tdint pushover`: rows, files, words, exit codes."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -86,15 +87,19 @@ def test_a_pushover(folder, tdint, drawn):
 
 
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
-    """The table has what Python has; a row per method and story, and a sentence of each method."""
+    """A row per method and story with its drift; what is the building's stands once in a sentence and in the JSON."""
     target = "ec8:type=1,soil=C,ag=0.05g"
-    result = tdint("pushover", "shaken.yaml", "--target", target, "--points", 50, "--plot=t.png", code=0)
-    table = rows(result.stdout)
+    result = tdint("pushover", "shaken.yaml", "--target", target, "--points", 50, "--plot=t.png", "-o", "t.csv", code=0)
+    table = rows((folder / "t.csv").read_text())
     made = target_displacements(pushover("shaken.yaml", "4%", points=50), target)
     assert [(row["method"], row["story"]) for row in table] == [
         (method, story) for method in ("n2", "coefficients") for story in ("1", "2")
     ]
-    roofs = [float(row["roof_displacement_m"]) for row in table[::2]]
+    assert list(table[0]) == ["method", "story", "drift_m", "drift_ratio", "ductility"]
+    assert [float(row["drift_m"]) for row in table[:2]] == pytest.approx(made[0].drift, rel=1e-11)
+    of_building = json.loads((folder / "t.json").read_text())["targets"]
+    assert [told["yield_force_N"] for told in of_building] == pytest.approx([each.yield_force for each in made])
+    roofs = [told["roof_displacement_m"] for told in of_building]
     assert roofs == pytest.approx([each.roof_displacement for each in made], rel=1e-11)
     assert f"n2: the roof at {roofs[0]:.4g} m" in result.stderr
     assert (folder / "t.png").exists()

@@ -10,7 +10,6 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from textwrap import dedent
 
@@ -19,13 +18,12 @@ import pytest
 
 import readmes
 import tdint
+from registered import compiled_truth, forget, forgotten  # noqa: F401 (fixtures)
 from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
-from tdint.analysis.run import run as runs
-from tdint.analysis.run.prepared import PreparedBuilding, of_everything
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.prepared import of_everything
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
@@ -37,32 +35,9 @@ from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
 from tdint.methods import catalogue as methods
 from tdint.model import definition
-from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import Law
 from tdint.model.plugins import files_to_send
 from tdint_cli.main import cli
-
-SHORTER = 80  # steps of `order._H`: those with faults are wrong at the 60th
-
-
-def forget():
-    """Take back what files and packages have registered: this process is as a new one."""
-    for known in (definition.LAWS, definition.CODES):
-        for name in list(known)[OURS:]:
-            del known[name]
-    del NUMBERED[OURS:]
-    for cached in (methods._known, methods.catalogue, definition.laws, runs._parsed):
-        cached.cache_clear()
-    for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
-        del sys.modules[name]
-
-
-@pytest.fixture(autouse=True)
-def forgotten(monkeypatch):
-    """What a test registers is forgotten after it; what it compiles is compiled for its own scene."""
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    yield
-    forget()
 
 
 @pytest.fixture
@@ -85,26 +60,6 @@ def outside(tmp_path, text, name="outside_plugin"):
     file = tmp_path / f"{name}.py"
     file.write_text(dedent(text))
     return file
-
-
-@cache
-def true_motion(law):
-    """What `order._true_motion` gives, by the compiled march."""
-    story = simple_story(1.0, Law(law, order._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
-    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
-    ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * order._H)
-    steps = Steps(order._H / 16, 16 * SHORTER, 16)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compilable, "WHOLE", True)
-        space = prepared.march(methods.parse("impulse4"), steps, ground, rows=steps.count).space
-    return order._displacements(space, 16)
-
-
-@pytest.fixture
-def compiled_truth(monkeypatch):
-    """The true motion by the compiled march, and no longer one than shows what a method does wrong."""
-    monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
-    monkeypatch.setattr(order, "_true_motion", true_motion)
 
 
 @pytest.mark.usefixtures("compiled_truth")
@@ -148,7 +103,7 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
     """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
-        "from tdint.kernels.stepping", "from tdint.kernels.stories import law_state\nfrom tdint.kernels.stepping"
+        "from tdint.plugin import STEP", "from tdint.kernels.stories import law_state\nfrom tdint.plugin import STEP"
     )
     assert before in text
     text = text.replace(before, after)
@@ -255,7 +210,7 @@ def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
 FAULTS = {
     "def f(:\n": "outside_plugin.py:1: SyntaxError: ",
     "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
-    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS or PEERS; this one has none",
+    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none",
     "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
@@ -285,7 +240,7 @@ CHANGES = {
     ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
     ("verlet", "coefficients=lambda: ()", "coefficients=lambda: 'a'"): "ValueError: ",
     ("hyperbolic", '"hyperbolic",', '"a,b",'): "'a,b' is no name of a law",
-    ("hyperbolic", "    from tdint.kernels.compiling", "    from nowhere"): "ModuleNotFoundError: ",
+    ("hyperbolic", "    from tdint.plugin", "    from nowhere"): "ModuleNotFoundError: ",
 }
 
 

@@ -63,6 +63,11 @@ def command(
     """
     mode = _SCHEMA if schema else _PLUGINS if plugins and not models else _MODELS
     refuse_idle(mode, MODES)
+    for file in plugins:
+        from tdint.model.plugins import private_imports
+
+        for text in private_imports(file):
+            note(text)
     if schema:
         from tdint.campaign.reader import campaign_schema
         from tdint.model.config.model_file import model_schema

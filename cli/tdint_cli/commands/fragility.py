@@ -76,8 +76,7 @@ class Request:
         type=click.Choice(["type", "building"]),
         common=True,
         help="A function for each type (class) of buildings of a campaign, or for each building, and each of its "
-        "damage states: DIR is the folder of a campaign with `damage`; of buildings --threshold may be given instead. "
-        "Standard errors are those of leaving out ground motions.",
+        "damage states: DIR is the folder of a campaign with `damage`; of buildings --threshold may be given instead.",
     )
     edp_range: tuple[float, float] | None = options.option(
         type=span,
@@ -128,8 +127,9 @@ def command(request: Request) -> None:
     TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud). It
     may have threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`; --by
     type fits the types of buildings of a campaign's damage states. CSV: median theta and dispersion beta of a lognormal
-    distribution for each threshold, with the standard errors of ln theta and beta from the information matrix. The
-    picture has 95 % confidence bands by the delta method.
+    distribution for each threshold, with the standard errors of ln theta and beta: by leaving out ground motions, or
+    events where these are known; of tables that tell neither from the information matrix. The picture has 95 %
+    confidence bands by the delta method.
 
     With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift over ln IM of the
     runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
@@ -221,12 +221,16 @@ def _words(function: Fragility) -> str:
     words = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
     if function.damage == function.damage:
         words += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
-    factor = math.exp(1.96 * function.theta_error)
     unit = f" {function.unit}" if function.unit else ""
-    text = (
-        f"{words}{function.fit}, median {name} {function.theta:.4g}{unit} (95 %: {function.theta / factor:.4g} to "
-        f"{function.theta * factor:.4g}), beta {function.beta:.3f} +- {1.96 * function.beta_error:.3f}"
-    )
+    text = f"{words}{function.fit}, median {name} {function.theta:.4g}{unit}"
+    if function.theta_error == function.theta_error:
+        factor = math.exp(1.96 * function.theta_error)
+        text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
+    else:
+        text += " (extrapolated)" if function.extrapolated else " (no interval: less than three motions tell it)"
+    text += f", beta {function.beta:.3f}"
+    if function.beta_error == function.beta_error:
+        text += f" +- {1.96 * function.beta_error:.3f}"
     if function.beta_model:
         text += f", total beta {function.beta_total:.3f}"
     return text + (f"; {function.censored} of {function.records} censored." if function.censored else ".")

@@ -13,10 +13,11 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.system import processors
+from tdint.units import GROUND_MOTION
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, PairWish, Ratio, intensity, period
+from tdint_cli.options.grammar import FileName, Name, PairWish, Ratio, intensity, period
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -29,19 +30,24 @@ if TYPE_CHECKING:
     from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
-_MEASURES = ("sa", "pga", "pgv", "sa-avg", "arias", "cav")
 _OFF_BALANCE = 0.01  # of the energy that was put in
 
 
-class _Measure(click.Choice):  # type: ignore[type-arg]
-    """A measure of levels; of another one it is said why there are none."""
+class _Measure(Name):
+    """A measure of levels, plug-ins' among them; of another one it is said why there are none."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from tdint.campaign.intensity import WITHOUT_LEVELS
+        from tdint.campaign.intensity import without_levels
 
-        if reason := WITHOUT_LEVELS.get(value):
+        if reason := without_levels(value):
             self.fail(f"{value}: {reason}; there are no levels of it", param, ctx)
-        return super().convert(value, param, ctx)
+        return click.Choice(list(self.names())).convert(value, param, ctx)
+
+
+def _measures() -> tuple[str, ...]:
+    from tdint.campaign.intensity import levelled
+
+    return levelled()
 
 
 @options.request
@@ -50,8 +56,9 @@ class IdaRequest(RecordsRequest):
 
     model: str
     im: str = options.studies.option(
-        type=_Measure(_MEASURES),
-        default=_MEASURES[0],
+        type=_Measure(_measures),
+        default="sa",
+        metavar="NAME",
         common=True,
         help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
         "period, Arias intensity or CAV.",
@@ -69,7 +76,7 @@ class IdaRequest(RecordsRequest):
     damping: float = options.studies.damping("--im sa or sa-avg")
     average: Grid | None = options.studies.average("--im sa-avg")
     max_im: Units | None = options.studies.option(
-        type=intensity("acceleration", "velocity"),
+        type=intensity("acceleration", "velocity", "displacement"),
         metavar="VALUE",
         common=True,
         help="The largest intensity, with its unit (3g): capacities above it are censored.",
@@ -169,11 +176,11 @@ def command(request: IdaRequest) -> None:
     model = load_model(request.model)
     units = request.output_units or model.output_units
     # The intensity measure: a spectral one at a period, the building's first by default
-    spectral = request.im.startswith("sa")
+    spectral = request.im in ("sa", "sa-avg")
     period = (request.period or first_mode(assemble(model), None).period) if spectral else None
     measure = options.studies.measure(request.im, period, request.damping, request.average)
     largest = request.max_im
-    if largest and (largest.quantity == "velocity") != (measure.unit == "m/s"):
+    if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
         raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")
     settings = IdaSettings(
         precision=request.precision,

@@ -15,6 +15,7 @@ from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.static import Pushover
+    from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.units import DriftSize, OutputUnits
 
 PATTERNS = ("first-mode", "uniform", "triangular")
@@ -57,9 +58,9 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     Forces of one pattern on the floors grow until the first story gives way, and fall as it does, to zero at the most.
     The roof's displacement is led, through peaks and down falling branches, with the model's P-delta, without dashpots
     and damping. MODEL.yaml is a model file, - is standard input. CSV, one row per step: displacement of the roof and
-    its ratio to the height, base shear, drifts of the stories. With --target one row per method and story: where a
-    design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the coefficient method (ASCE
-    41-17, site class D, C_m 1).
+    its ratio to the height, base shear, drifts of the stories. With --target one row per method and story: its drift
+    where a design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the coefficient method
+    (ASCE 41-17, site class D, C_m 1); roof, base shear and oscillator stand on stderr and in the JSON beside -o.
     """
     from tdint.analysis.static import pushover
     from tdint.model.config.model_file import load_model
@@ -79,20 +80,35 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     from tdint.analysis.target_displacement import target_displacements
 
     reached = target_displacements(result, target)
+    of_building = tables.buildings.target_building_table(tuple(reached)).in_units(units)
     outputs.deliver(
         tables.buildings.target_table(tuple(reached)),
         lambda: figures.comparison.target_picture(tuple(reached), units),
+        lambda: {
+            "targets": [dict(zip(of_building.columns, row, strict=True)) for row in of_building.rows],
+            "meanings": of_building.meanings,
+        },
     )
     say(_words(result, units))
     for made in reached:
-        say(
-            f"{made.method}: the roof at {units.text(made.roof_displacement, 'm')}, T {made.period:.4g} s, idealized "
-            f"yield {units.text(made.yield_force, 'N')} at {units.text(made.yield_displacement, 'm')}, strength ratio "
-            f"{made.strength_ratio:.3g}; largest drift in story {int(made.drift.argmax()) + 1}, "
-            f"{units.text(float(made.drift.max()), 'm')}."
-        )
+        say(_reached(made, units))
     for text in (note for made in reached for note in made.notes):
         warn(text)
+
+
+def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
+    """Where a method pushes the building to, and by which oscillator, in a sentence."""
+    factors = "C0 {:.4g}, C1 {:.4g}, C2 {:.4g}".format(made.participation, *made.factors)
+    if made.method == "n2":
+        factors = f"participation factor {made.participation:.4g}, over the elastic displacement {made.factors[0]:.4g}"
+    return (
+        f"{made.method}: the roof at {units.text(made.roof_displacement, 'm')}, base shear "
+        f"{units.text(made.base_shear, 'N')}; T {made.period:.4g} s, Sa "
+        f"{units.text(made.spectral_acceleration, 'm/s^2')}, mass {units.text(made.mass, 'kg')}, idealized yield "
+        f"{units.text(made.yield_force, 'N')} at {units.text(made.yield_displacement, 'm')}, strength ratio "
+        f"{made.strength_ratio:.3g}, {factors}; largest drift in story {int(made.drift.argmax()) + 1}, "
+        f"{units.text(float(made.drift.max()), 'm')}."
+    )
 
 
 def _words(result: Pushover, units: OutputUnits) -> str:
@@ -104,6 +120,7 @@ def _words(result: Pushover, units: OutputUnits) -> str:
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
     most = int(result.drift[last].argmax())
-    text += f".\nAt the end {units.text(result.base_shear[last], 'N')}; story {most + 1} has the largest drift, "
+    held = f"At the end {units.text(result.base_shear[last], 'N')}" if result.base_shear[last] else "At the end nothing"
+    text += f".\n{held}; story {most + 1} has the largest drift, "
     text += f"{units.text(result.drift[last, most], 'm')}."
     return text + (f" It ends there: {result.ended}." if result.ended else "")

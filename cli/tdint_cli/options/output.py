@@ -307,16 +307,18 @@ def to_files(
 def provenance(
     meanings: Mapping[str, Mapping[str, str]], units: OutputUnits, told: dict[str, Any] | None = None
 ) -> bytes:
-    """The JSON file beside a table whose columns mean this: what is `told`, by default the options of the command
-    line, and with it all that was read."""
+    """The JSON file beside a table whose columns mean this: what is `told`, all that was read, and the options of the
+    command line where what is told has no schema of its own."""
     from tdint.output.summary import table_summary
 
-    if told is None:
+    told = told or {}
+    if "schema" not in told:
         context = click.get_current_context()
-        left_out = ("output", "plot", "overwrite", "jobs", "output_units")
+        left_out = ("output", "plot", "report", "report_head", "overwrite", "jobs", "output_units")
         settings = {name: _plain(value) for name, value in context.params.items() if name not in left_out}
-        told = table_summary(str(context.info_name), settings, [], meanings)
-        del told["records"]
+        summary = table_summary(str(context.info_name), settings, [], meanings)
+        del summary["records"]
+        told = summary | told
     return summary_bytes(told, units)
 
 

@@ -535,7 +535,8 @@ class _Chain:
                     continue
             # The end of the way: exactly where the building carries nothing any more.
             if factor <= 0.0:
-                self._keep(lead, *self._meet(lambda _, factor: -factor / self.largest[0], lead, size, drift, factor))
+                drift, _ = self._meet(lambda _, factor: -factor / self.largest[0], lead, size, drift, factor)
+                self._keep(lead, drift, 0.0)
                 return "the building carries nothing any more"
             # The next row of a roof that goes on.
             if drift.sum() >= displacement:

@@ -146,11 +146,11 @@ class _Pushed:
         """The largest base shear up to a displacement of the roof."""
         return max(float(np.max(self.shear[self.roof <= displacement], initial=0.0)), self.at(displacement)[0])
 
-    def first_at(self, shear: float) -> float:
-        """The first displacement at which the base shear is reached."""
-        i = int(np.argmax(self.shear >= shear))
+    def first_at(self, shear: Array) -> Array:
+        """The first displacements at which base shears are reached."""
+        i = np.argmax(self.shear[:, None] >= shear, axis=0)
         low, high = self.shear[i - 1], self.shear[i]
-        return float(self.roof[i - 1] + (self.roof[i] - self.roof[i - 1]) * (shear - low) / (high - low))
+        return np.asarray(self.roof[i - 1] + (self.roof[i] - self.roof[i - 1]) * (shear - low) / (high - low))
 
 
 @dataclass(frozen=True)
@@ -242,19 +242,10 @@ def _coefficients(
 ) -> _Idealized:
     """ASCE 41-17, 7.4.3.3: two lines of the curve's area, the first through its point at 0.6 of the yield force."""
     roof = curve.idealized_to(roof)
-    modes, (end, area) = building.modes(), curve.at(roof)
-
-    def yielding(strength: float) -> float:
-        return curve.first_at(_SECANT * strength) / _SECANT
-
-    def excess(strength: float) -> float:
-        return (strength * roof + end * (roof - yielding(strength))) / 2.0 - area
-
-    # The strength is at most the curve's own; a curve that never yields is its first line.
-    low, high = _ROUNDING * end, curve.strongest(roof)
-    strength = high if excess(high) <= 0.0 else halved(lambda x: excess(x) < 0.0, low, high, _HALVINGS)[1]
+    modes = building.modes()
+    strength, yields = _two_lines(curve, roof)
     initial = float(curve.shear[1] / curve.roof[1])
-    stiffness = min(strength / yielding(strength), initial)
+    stiffness = min(strength / yields, initial)
     period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial / stiffness)
     acceleration = float(demand.at(np.array([period]))[0])
     ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
@@ -262,7 +253,31 @@ def _coefficients(
     c1 = 1.0 if period > 1.0 else 1.0 + beyond / (site * max(period, 0.2) ** 2)  # (7-29)
     c2 = 1.0 if period > 0.7 else 1.0 + (beyond / period) ** 2 / 800.0  # (7-30)
     answer = float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2  # (7-28)
-    return _Idealized(period, strength, yielding(strength), acceleration, ratio, (c1, c2), answer)
+    return _Idealized(period, strength, yields, acceleration, ratio, (c1, c2), answer)
+
+
+def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
+    """Force and displacement at which two lines of the curve's area up to a displacement of the roof meet: the smallest
+    force, for where a curve hardens beyond a yield at 0.6 of it, the secant flattens and balances the areas again."""
+    end, area = curve.at(roof)
+    largest = curve.strongest(roof)
+    # Between the corners of the curve below 0.6 of it the secant's point moves on a straight line, and so does what the
+    # lines enclose beyond the curve: a corner is told from both sides, as the curve may dip or be flat before it.
+    before = np.maximum.accumulate(curve.shear)
+    rising = np.flatnonzero(curve.shear[1:] > before[:-1]) + 1
+    rising = rising[before[rising - 1] < _SECANT * largest]
+    ends = np.minimum(np.array([before[rising - 1], before[rising]]), _SECANT * largest)
+    along = (curve.roof[rising] - curve.roof[rising - 1]) / (curve.shear[rising] - curve.shear[rising - 1])
+    forces = ends / _SECANT
+    yields = (curve.roof[rising] - along * (curve.shear[rising] - ends)) / _SECANT
+    low, high = (forces * roof + end * (roof - yields)) / 2.0 - area
+    crossed = np.flatnonzero((low < 0.0) & (high >= 0.0))
+    if crossed.size and area > (1.0 + _STRAIGHT) * end * roof / 2.0:
+        i = crossed[0]
+        part = -low[i] / (high[i] - low[i])
+        return float(forces[0, i] + part * np.ptp(forces[:, i])), float(yields[0, i] + part * np.ptp(yields[:, i]))
+    # A curve that never yields is its first line.
+    return largest, float(curve.first_at(np.array([_SECANT * largest]))[0] / _SECANT)
 
 
 def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized]) -> _Idealized:
@@ -314,7 +329,7 @@ def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, deman
     largest = min(made.roof_displacement, float(curve.roof[peak])) / made.yield_displacement
     if effective < 0.0 and math.isfinite(effective):
         largest += abs(effective) ** -(1.0 + 0.15 * math.log(made.period)) / 4.0
-    if made.strength_ratio <= largest:
+    if made.strength_ratio <= max(largest, 1.0):  # what stays elastic loses no strength
         return ()
     return (
         f"coefficients: the strength ratio {made.strength_ratio:.3g} is beyond {largest:.3g}, up to which the method "
@@ -336,8 +351,13 @@ def _result(
     drift = np.array([np.interp(made.roof_displacement, curve.roof, column) for column in curve.drift.T])
     most = float(np.max(curve.roof))
     if most < _ENOUGH * made.roof_displacement and not notes and method == "n2":
-        short = f"n2: the curve reaches {most / made.roof_displacement:.3g} times the target displacement, "
-        notes = (short + f"{_ENOUGH:g} are asked for (EN 1998-1, 4.3.3.4.2.3): push further",)
+        ended = curve.pushed.ended
+        text = f"n2: the curve {'ends' if ended else 'reaches'} {'at ' * bool(ended)}"
+        text += f"{most / made.roof_displacement:.3g} times the target displacement"
+        asked = f"{_ENOUGH:g} are asked for (EN 1998-1, 4.3.3.4.2.3)"
+        # Where the building itself ends, no further push meets what the standard asks for.
+        refused = f" ({ended}), {asked} and are not met: do not use its displacement, run time histories"
+        notes = (text + (refused if ended else f", {asked}: push further"),)
     yields = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
     return TargetDisplacement(
         pushed=curve.pushed,

@@ -1,8 +1,8 @@
-"""Measures of a ground motion's intensity, by which records are scaled: PGA, PGV, Sa at a period, its average, Arias
-intensity, CAV.
+"""Measures of a ground motion's intensity, by which records are scaled: Sa at a period, its average, and what a motion
+has by itself, as PGA, PGV, Arias intensity, CAV (`tdint.ground_motion.measures`).
 
 Of a pair of horizontal components the geometric mean of both, or a percentile over all directions (RotD, Boore 2010).
-All of them grow in proportion to a factor on the motion, Arias intensity to its square.
+They grow in proportion to a power of a factor on the motion, Arias intensity to its square.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
-from tdint.ground_motion.measures import arias_intensity, cumulative_absolute_velocity, integrate
+from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
@@ -69,29 +69,28 @@ class SpectralIntensity:
 
 @dataclass(frozen=True)
 class MotionIntensity:
-    """A measure of the motion of the ground alone, m/s: `pgv`, `arias` or `cav`.
-
-    The peak ground velocity from rest at the first sample; Arias intensity (Arias 1970), which grows with the square of
-    a factor; cumulative absolute velocity (EPRI 1988).
-    """
+    """A measure of the motion of the ground alone, of `tdint.ground_motion.measures.MEASURES` by its name."""
 
     name: str
-    unit: str = "m/s"
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", self.unit or MEASURES[self.name].unit)
 
     @property
     def growth(self) -> float:
         """The power of a factor with which it grows."""
-        return _OF_MOTION[self.name][1]
+        return MEASURES[self.name].power or math.nan
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
-        """The intensity of a motion, m/s; of two components that which `pair` names.
+        """The intensity of a motion, in its unit; of two components that which `pair` names.
 
         Raises
         ------
         RecordError
             The motion has none: it is zero.
         """
-        value, _ = _OF_MOTION[self.name]
+        value = MEASURES[self.name].of
         if isinstance(motion, Record):
             return _positive(value(motion), self.name, motion)
         percentile = percentile_of(pair)
@@ -109,17 +108,16 @@ class MotionIntensity:
         return _positive(float(np.percentile(values, percentile)), self.name, motion)
 
 
-_OF_MOTION: dict[str, tuple[Callable[[Record], float], float]] = {
-    "pgv": (lambda record: integrate(record).pgv, 1.0),
-    "arias": (arias_intensity, 2.0),
-    "cav": (cumulative_absolute_velocity, 1.0),
-}
+def without_levels(name: str) -> str:
+    """Why no factor brings a motion to a level of a measure; empty where one does, or there is none of that name."""
+    if name == "sdi":
+        return "it does not grow by a power of the factor"
+    return MEASURES[name].without_levels if name in MEASURES else ""
 
-WITHOUT_LEVELS = {
-    **dict.fromkeys(("d5-75", "d5-95"), "a duration does not change with a factor"),
-    **dict.fromkeys(("cav5", "sdi"), "it does not grow by a power of the factor"),
-}
-"""Measures that no factor brings to a level, and why."""
+
+def levelled() -> tuple[str, ...]:
+    """The names of the measures that motions are brought to levels of."""
+    return (*(name for name, measure in MEASURES.items() if not measure.without_levels), *SPECTRAL)
 
 
 IntensityMeasure = SpectralIntensity | MotionIntensity
@@ -151,18 +149,16 @@ def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVE
 SPECTRAL: dict[str, Callable[[float, float], IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
 """Measures that have a period."""
 
-MEASURES = ("pga", *_OF_MOTION, *SPECTRAL)
-
 
 def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
-    """The measure of a name of `MEASURES`, at a period (s) if it has one."""
+    """The measure of a name of `levelled`, at a period (s) if it has one."""
     if name in SPECTRAL:
         return SPECTRAL[name](period, damping)
     return pga() if name == "pga" else MotionIntensity(name)
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """The measure of a name as tables have it: `pga`, `pgv`, `arias`, `cav`, `sa(1.0)`, `sa-avg(1.0)`, periods in s.
+    """The measure of a name as tables have it: `sa(1.0)`, `sa-avg(1.0)`, periods in s, `pga`, or another of a motion.
 
     Raises
     ------
@@ -170,16 +166,15 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         There is none of that name, or no factor brings a motion to a level of it.
     """
     kind, _, period = name.strip().removesuffix(")").partition("(")
-    if kind in WITHOUT_LEVELS:
-        raise UsageError(f"{name}: {WITHOUT_LEVELS[kind]}; nothing can be scaled to it")
-    if kind in MEASURES and kind not in SPECTRAL and not period:
+    if reason := without_levels(kind):
+        raise UsageError(f"{name}: {reason}; nothing can be scaled to it")
+    if kind in levelled() and kind not in SPECTRAL and not period:
         return measure_at(kind, damping, 1.0)
     try:
         return SPECTRAL[kind](float(period), damping)
     except (KeyError, ValueError):
-        raise UsageError(
-            f"unknown measure {name!r:.60}; known: pga, pgv, arias, cav, sa(T), sa-avg(T) with T in s"
-        ) from None
+        plain = ", ".join(known for known in levelled() if known not in SPECTRAL)
+        raise UsageError(f"unknown measure {name!r:.60}; known: {plain}, sa(T), sa-avg(T) with T in s") from None
 
 
 def percentile_of(pair: str) -> int | None:

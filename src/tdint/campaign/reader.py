@@ -22,7 +22,7 @@ from tdint.campaign.definition import (
 )
 from tdint.campaign.definition import positive as _positive
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
-from tdint.campaign.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
+from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, SPECTRAL, levelled, measure_at, without_levels
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.csv_table import number
 from tdint.errors import UsageError
@@ -51,7 +51,7 @@ from tdint.model.keys.fields import (
     Whole,
     Words,
 )
-from tdint.units import LENGTH, parse_units
+from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
 # ---- What a campaign file says of its ground motions, under `records`: files, sequences, fields or a grid
 
@@ -233,7 +233,7 @@ _FIRST = "T1"
 _INTENSITY = Keys(
     (
         Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
-        Key("measure", Choice(MEASURES, "measure"), "intensity measure that takes the levels"),
+        Key("measure", Choice(levelled(), "measure"), "intensity measure that takes the levels"),
         Key("period", Either((Choice((_FIRST,)), POSITIVE)), "of sa and sa-avg; that of each building by default"),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
         Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
@@ -452,10 +452,9 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
 def _levels(section: Section) -> MeasureLevels | None:
     named = section.get("measure")
     # Of some measures no factor leads to a level.
-    for unlevelled, reason in WITHOUT_LEVELS.items():
-        if named and named.is_word(unlevelled):
-            named.fault(f"{unlevelled}: {reason}; no level can be asked of it")
-            return None
+    if named and (reason := without_levels(named.word)):
+        named.fault(f"{named.word}: {reason}; no level can be asked of it")
+        return None
     name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
     damping = section.number("damping", default=0.05)
     levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
@@ -464,7 +463,8 @@ def _levels(section: Section) -> MeasureLevels | None:
     if name is None:
         return None
     # Each level has its unit in the file: what it must be a unit of hangs on the measure.
-    quantity = "acceleration" if name in ("pga", *SPECTRAL) else "velocity"
+    unit = measure_at(name, damping, 1.0).unit
+    quantity = next((one for one, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration")
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
 
     # The period of a spectral measure, by default that of each building; others have none.
@@ -484,7 +484,7 @@ def _level(value: Value, quantity: str) -> float:
     text = value.text()
     if text is None:
         return math.nan
-    example = "0.1 g" if quantity == "acceleration" else "0.2 m/s"
+    example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
     try:
         units = parse_units(text)
     except UsageError:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -100,14 +101,9 @@ def measure(record: Record) -> Measures:
     """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond what floats hold."""
     # As a decorator it would keep what to restore for all threads together (numpy before 2).
     with np.errstate(over="ignore", invalid="ignore"):
-        return _measure(record)
-
-
-def _measure(record: Record) -> Measures:
-    motion = integrate(record)
-    energy = cumulative_energy(record)
-    ends = [time_of_energy(record, energy, part) for part in (0.05, 0.75, 0.95)]
-    leading, trailing = zeros_at_ends(record.acceleration)
+        motion = integrate(record)
+        leading, trailing = zeros_at_ends(record.acceleration)
+        doubts = _doubts(record, motion, leading, trailing)
     # Of a file that has its velocity and displacement, their peaks are the better ones.
     both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
     of_file = [
@@ -116,18 +112,11 @@ def _measure(record: Record) -> Measures:
         if column is not None
     ]
     return Measures(
-        pga=record.pga,
-        pgv=motion.pgv if record.peaks[0] is None else record.peaks[0],
-        pgd=motion.pgd if record.peaks[1] is None else record.peaks[1],
-        arias=_ARIAS * float(energy[-1]),
-        cav=cumulative_absolute_velocity(record),
-        cav5=cumulative_absolute_velocity_above(record, CAV5),
-        d5_75=ends[1] - ends[0],
-        d5_95=ends[2] - ends[0],
+        **{name.replace("-", "_"): MEASURES[name].of(record) for name in _OURS},
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
-        notes=(*of_file, *_doubts(record, motion, leading, trailing)),
+        notes=(*of_file, *doubts),
     )
 
 
@@ -247,6 +236,94 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
     whole = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
     means = np.where(whole, 0.5 * (np.abs(a) + np.abs(b)), (below(high) - below(low)) / change)
     return record.dt * float(np.sum(means))
+
+
+def significant_duration(record: Record, part: float) -> float:
+    """Time between 5 % and a part of the Arias intensity (Trifunac and Brady 1975), s; nan without acceleration."""
+    energy = cumulative_energy(record)
+    return time_of_energy(record, energy, part) - time_of_energy(record, energy, 0.05)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of a motion's intensity that hangs on the motion alone.
+
+    Attributes
+    ----------
+    name : str
+        As commands take it: `d5-75`; tables write `_` for `-`.
+    unit, meaning : str
+        Its SI unit, and what it is.
+    value : callable
+        Record -> the measure in that unit.
+    power : float or None
+        Of a factor on the motion with which it grows; 0: it does not change. None: by no power, it is found anew.
+    column : str
+        In tables, where that is not the name.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    value: Callable[[Record], float]
+    power: float | None = 1.0
+    column: str = ""
+
+    def of(self, record: Record) -> float:
+        """The measure of a record; infinite or nan where it is beyond what floats hold."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(self.value(record))
+
+    @property
+    def head(self) -> str:
+        """The name of its column, without the unit."""
+        return self.column or self.name.replace("-", "_")
+
+    @property
+    def without_levels(self) -> str:
+        """Why no factor brings a motion to a level of it; empty where one does."""
+        if self.power is None:
+            return "it does not grow by a power of the factor"
+        changes = "a duration" if self.unit == "s" else "it"
+        return "" if self.power else f"{changes} does not change with a factor"
+
+
+MEASURES = {
+    measure.name: measure
+    for measure in (
+        Measure("pga", "m/s^2", "peak ground acceleration", lambda record: record.pga),
+        Measure("pgv", "m/s", "peak ground velocity", lambda record: _peak(record, 0, "pgv")),
+        Measure("pgd", "m", "peak ground displacement", lambda record: _peak(record, 1, "pgd")),
+        Measure("arias", "m/s", "Arias intensity", arias_intensity, 2.0, "arias_intensity"),
+        Measure("cav", "m/s", "cumulative absolute velocity", cumulative_absolute_velocity),
+        Measure(
+            "cav5",
+            "m/s",
+            "the same of accelerations of 0.05 m/s^2 and more",
+            lambda record: cumulative_absolute_velocity_above(record, CAV5),
+            None,
+        ),
+        *(
+            Measure(
+                f"d5-{percent}",
+                "s",
+                f"time between 5 and {percent} % of the Arias intensity",
+                partial(significant_duration, part=percent / 100.0),
+                0.0,
+            )
+            for percent in (75, 95)
+        ),
+    )
+}
+"""The measures of motions by themselves, by name: ours, then those of plug-ins (`tdint.load_plugin`)."""
+
+_OURS = tuple(MEASURES)
+
+
+def _peak(record: Record, column: int, name: str) -> float:
+    """The peak velocity or displacement that the file itself has, else from rest at the first sample."""
+    peak = record.peaks[column]
+    return float(getattr(integrate(record), name)) if peak is None else peak
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:

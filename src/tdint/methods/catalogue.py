@@ -74,7 +74,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
         cannot be called with the defaults.
     """
     if not isinstance(method, Method):
-        raise UsageError(f"{where or repr(method)}: a method is a tdint.Method, not {type(method).__name__}")
+        raise UsageError(f"{where or repr(method)}: a method is a tdint.plugin.Method, not {type(method).__name__}")
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
     where = origin.where
     check_name(method.name, _known(), "method", where)
@@ -82,7 +82,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     if id(method.family) not in families:
         check_name(method.family.name, [family.name for family in families.values()], "family", where)
     if method.family.step.signature != STEP:
-        raise UsageError(f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.kernels.STEP")
+        raise UsageError(f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.plugin.STEP")
     # What it declares is asked for with its defaults, as it will be; a method that fails there is not kept.
     kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
@@ -103,7 +103,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
-    """Register the methods and drift laws of a Python file: what its tuples METHODS and LAWS have.
+    """Register the methods and drift laws of a Python file, and its measures of motions: what its tuples METHODS, LAWS
+    and MEASURES have.
 
     Parameters
     ----------
@@ -121,10 +122,17 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     """
     file = os.fspath(file)
     module = module_of(file)
-    if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS")):
-        raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS or PEERS; this one has none")
+    if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS", "MEASURES")):
+        raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none")
     with faults_of(file):
         laws, methods = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
+        if hasattr(module, "MEASURES"):
+            from tdint.ground_motion.measures import MEASURES, Measure  # `tdint methods` does without
+
+            for measure in declared(module, "MEASURES", Measure, file):
+                if MEASURES.get(measure.name) is not measure:
+                    check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
+                    MEASURES[measure.name] = measure
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))

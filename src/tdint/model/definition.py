@@ -56,7 +56,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
         No law; a name that is taken or is none; no file.
     """
     if not isinstance(law, DriftLaw):
-        raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
+        raise UsageError(f"{where or law!r}: a law is a tdint.plugin.DriftLaw, not {type(law).__name__}")
     origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
     where = origin.where
     check_name(law.name, LAWS, "law", where)

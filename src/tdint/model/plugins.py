@@ -5,6 +5,7 @@ Nothing is looked for in the working folder, and nothing is named by a model fil
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import logging
 import re
@@ -99,10 +100,29 @@ def module_of(file: str) -> ModuleType:
     try:
         with faults_of(file):
             specification.loader.exec_module(module)
-    except TdintError:
+    except TdintError as error:
         del sys.modules[name]
+        place, _, reason = str(error).partition(": ")
+        if reason.startswith(("ModuleNotFoundError: ", "ImportError: ")):
+            hint = next((text for text in private_imports(file) if text.startswith(f"{place}: ")), "")
+            raise UsageError(str(error) + hint.replace(place, "").replace(":", ";", 1)) from None
         raise
     return module
+
+
+def private_imports(file: str) -> list[str]:
+    """What a plug-in imports of modules that promise nothing, a line for each: where, and what to write instead."""
+    from tdint.plugin import HOMES
+
+    told = []
+    for node in ast.walk(ast.parse(Path(file).read_bytes())):
+        module = getattr(node, "module", None) or ""
+        if isinstance(node, ast.ImportFrom) and module.startswith("tdint.") and module != "tdint.plugin":
+            names = ["at" if alias.name == "layout" else alias.name for alias in node.names]
+            public = ", ".join(name for name in names if name in HOMES)
+            write = f"write from tdint.plugin import {public}" if public else "see the names of tdint.plugin"
+            told.append(f"{file}:{node.lineno}: {module} may change without notice; {write}")
+    return told
 
 
 def home_of(name: str, attribute: str) -> tuple[str, str] | None:

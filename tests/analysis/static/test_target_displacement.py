@@ -107,6 +107,83 @@ def test_two_lines_have_the_area_of_the_curve_and_meet_it():
     assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-7)
 
 
+@pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("ductility", [2.0, 5.0, 12.0, 40.0])
+def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
+    """Its own two lines balance the areas, however far it goes: beyond 1.67 times its yield another strength, which the
+    curve reaches by hardening, balances them again, and is not the answer."""
+    mass, yields, strength = 2e4, 0.004, 8e4
+    period = 2.0 * math.pi * math.sqrt(mass * yields / strength)
+    # C1 C2 R = ductility: a polynomial of R - 1, by (7-28) to (7-30) with the site class D.
+    a, b = 1.0 / (60.0 * max(period, 0.2) ** 2), 1.0 / (800.0 * period**2)
+    beyond = np.roots(np.polymul(np.polymul([a, 1.0], [b, 0.0, 1.0]), [1.0, 1.0]) - [0, 0, 0, 0, ductility])
+    ratio = 1.0 + next(x.real for x in beyond if abs(x.imag) < 1e-9 and x.real > 0.0)
+    case = oscillator(mass, strength, yields, hardening)
+    _, made = target_displacements(pushover(case, "4m", points=POINTS), flat(tmp_path, ratio * strength / mass / G))
+    assert (made.yield_force, made.yield_displacement) == pytest.approx((strength, yields), rel=1e-6)
+    assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
+    assert made.ductility[0] == pytest.approx(ductility, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_coefficients_of_hardening_buildings(seed):
+    """The strength is the smallest that balances the areas up to the target displacement: a scan of all strengths over
+    the curve in closed form, story by story."""
+    draw = np.random.default_rng(seed)
+    stories = int(draw.integers(1, 6))
+    stiffness = np.sort(draw.uniform(0.8e8, 2e8, stories))[::-1]
+    hardening = draw.uniform(0.02, 0.3, stories)
+    share = np.linspace(1.0, 0.3, stories)
+    strengths = draw.uniform(0.1, 0.4) * 2e5 * stories * G * share * draw.uniform(0.8, 1.2, stories)
+    laws = [Law("bilinear", pair) for pair in zip(strengths, hardening, strict=True)]
+    case = model([story(2e5, k, law, height=3.0) for k, law in zip(stiffness, laws, strict=True)])
+    pushed = pushover(case, "40%", points=POINTS)
+    made = target_displacements(pushed, f"ec8:type=1,soil=C,ag={draw.uniform(0.2, 0.6):.3f}g")[1]
+    share = np.cumsum(pushed.forces[::-1])[::-1]
+
+    def roof(shear):
+        force = np.multiply.outer(shear, share)
+        beyond = np.maximum(force - strengths, 0.0)
+        return np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness), axis=-1)
+
+    corners = np.array([0.0, *sorted(strengths / share)])
+    corners = np.append(corners[corners < made.base_shear], made.base_shear)
+    area = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
+    tried = np.linspace(1e-3, 1.0, 100_001) * made.base_shear
+    end = made.roof_displacement
+    excess = (tried * end + made.base_shear * (end - roof(0.6 * tried) / 0.6)) / 2.0 - area
+    crossed = np.flatnonzero((excess[:-1] < 0.0) & (excess[1:] >= 0.0))
+    if made.strength_ratio <= 1.0 and end < corners[1] / made.base_shear * end:
+        return
+    i = crossed[0]
+    balanced = tried[i] - excess[i] * (tried[i + 1] - tried[i]) / (excess[i + 1] - excess[i])
+    assert made.yield_force == pytest.approx(balanced, rel=1e-6)
+    assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-6)
+
+
+def test_what_stays_elastic_is_not_beyond_its_strength():
+    """Forty stories under P-delta, pushed past their peak: a strength ratio below 1 is elastic."""
+    case = model([story(2e5, 4e8, Law("bilinear", (4e6, 0.0)), height=3.0)] * 40, p_delta=True)
+    _, made = target_displacements(pushover(case, "2%", points=60), "asce7:sds=0.2,sd1=0.1,tl=8")
+    assert made.strength_ratio < 1.0
+    assert made.notes == ()
+
+
+def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
+    """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a curve that was not
+    pushed that far is."""
+    mass = 2e5
+    case = oscillator(mass, 0.1 * mass * G, 0.02, p_delta=True)  # nothing any more at 3 m of 0.1: 0.3 m
+    pushed, short = pushover(case, "0.31m", points=POINTS), pushover(case, "0.22m", points=POINTS)
+    assert pushed.ended == "the building carries nothing any more"
+    assert pushed.base_shear[-1] == 0.0
+    target = flat(tmp_path, 0.33)
+    (told,) = target_displacements(pushed, target)[0].notes
+    assert "1.5 are asked for (EN 1998-1, 4.3.3.4.2.3) and are not met: do not use its displacement" in told
+    (told,) = target_displacements(short, target)[0].notes
+    assert told.endswith(": push further")
+
+
 def test_a_table_has_its_corner_where_acceleration_and_velocity_meet(tmp_path):
     from tdint.analysis.spectra.target import read_target
 

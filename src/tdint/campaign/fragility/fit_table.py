@@ -24,6 +24,7 @@ from tdint.campaign.fragility.fits import (
     FITS,
     IDA,
     SAME_LEVEL,
+    SELDOM,
     STRIPES,
     Fragility,
     extrapolated,
@@ -39,6 +40,7 @@ from tdint.campaign.fragility.measures import (
     measure_named,
     motions_of,
     of_pairs,
+    over_motions,
     period_beside,
     with_measures,
 )
@@ -212,9 +214,11 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
     # The counts go along with the function, for pictures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
-        levels, all_runs = im[chosen], total[chosen]
+        levels, all_runs, share = im[chosen], total[chosen], np.sum(hits[chosen]) / np.sum(total[chosen])
         function = fit_stripes(levels, hits[chosen], all_runs)
-        return function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
+        told = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
+        # Counts that others publish with their interval keep it where the median alone lies beyond their levels.
+        return replace(told, covariance=function.covariance) if SELDOM <= share <= 1.0 - SELDOM else told
 
     functions = _by_threshold(table, request, fit)
     return FragilityResult.of(functions)
@@ -231,10 +235,20 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
         damage = np.array(table.numbers("damage"))
         states = [(value, finite & (damage == value)) for value in np.unique(damage).tolist()]
     functions: list[Fragility | AnalysisError] = []
+    motion = _told_motions(table)
     for state, rows in states:
 
         def fit(chosen: NDArray[np.bool_], rows: NDArray[np.bool_] = rows) -> Fragility:
-            return fit_capacities(capacity[chosen & rows], censored[chosen & rows].tolist())
+            of = chosen & rows
+            # Capacities of motions of their own are independent: their errors are known in closed form.
+            alike = motion is not None and np.unique(motion[of]).size < np.sum(of)
+            (function,) = over_motions(
+                lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())], of, motion if alike else None
+            )
+            assert isinstance(function, Fragility)
+            return function.within(
+                capacity[of], min(0.5, 1.0 - float(np.mean(censored[of])))
+            )  # known ones are all beyond
 
         for function in _by_threshold(table, request, fit):
             if isinstance(function, Fragility):
@@ -248,7 +262,12 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
-    return _cloud(table, request, im, edp, np.array(table.truths("censored")))
+    return _cloud(table, request, im, edp, np.array(table.truths("censored")), motion=_told_motions(table))
+
+
+def _told_motions(table: CsvTable) -> NDArray[np.intp] | None:
+    """The event of each row of a table, or its motion; None where the table tells neither."""
+    return motions_of(table) if table.has("event") or table.has("record") else None
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -322,21 +341,17 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     result = (collapsed | (status == DONE)) & (drift > 0.0) & positive
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
-    im, drift, motion, collapsed, result = (
-        im[positive],
-        drift[positive],
-        motion[positive],
-        collapsed[positive],
-        result[positive],
-    )
+    im, drift, motion = im[positive], drift[positive], motion[positive]
+    collapsed, result = collapsed[positive], result[positive]
     return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     """The fit of the runs that have a result; of the others, if there are any, what they may change."""
     over = runs.collapsed | (runs.drift > threshold)
-    function = _stripes(runs, over, runs.result)
     of = runs.result
+    (function,) = over_motions(lambda taken: [_stripes(runs, over, taken)], of, runs.motion)
+    assert isinstance(function, Fragility)
     function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
     lost = int(np.sum(runs.failed))
     # Nothing is known of runs that failed: at most all of them exceed, at least none.
@@ -376,10 +391,14 @@ def _cloud(
     # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
     told = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     beyond = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
-    censored = (censored | (edp >= high))[kept]
+    censored = censored | (edp >= high)
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
+
+    def fit(of: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        return [*fit_cloud(im[of], np.minimum(edp, high)[of], request.thresholds, censored[of])]
+
     try:
-        functions = fit_cloud(im[kept], np.minimum(edp, high)[kept], request.thresholds, censored)
+        functions = [item for item in over_motions(fit, kept, motion) if isinstance(item, Fragility)]
     except AnalysisError as error:
         return FragilityResult((), (error,))
     # Counts stand beside it of the runs that are known to be on one side of the threshold.
@@ -449,13 +468,8 @@ _OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
 #
 # A run under which a building falls exceeds all states; no more is known of its demand than that it is above the
 # heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part of beta: stripes count
-# probabilities of exceedance, a cloud sees each run with thresholds so dispersed. Runs under one ground motion err
-# alike, so that the errors of a fit are those of leaving out the motions one by one, in groups where there are
-# many (delete-a-group jackknife, Kott 2001).
+# probabilities of exceedance, a cloud sees each run with thresholds so dispersed.
 
-Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
-
-_GROUPS = 30  # of motions, at the most
 _LEAST_TYPE_STRIPE = 3  # motions a level has at the least
 _SAME_PERIOD = 1e-6  # tables write six digits or more
 _THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
@@ -474,7 +488,7 @@ class TypeRuns:
     fallen : ndarray of bool
         Whether the building fell.
     motion : ndarray of int
-        The ground motion.
+        The ground motion, or the event of ground motion fields.
     failed : int
         Runs without a result.
     name, unit : str
@@ -552,7 +566,8 @@ def type_runs(
     states: DamageStates | None = None,
 ) -> dict[str, TypeRuns]:
     """The runs of each type or building, by name; `states` in place of the campaign's. One building is held at once."""
-    motions = motion_numbers(store.records())
+    # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
+    motions = {} if store.events() else motion_numbers(store.records())
     gathered: dict[str, _Gathered] = {}
     for of in building_damages(store, states):
         name = of.type if by == TYPE else of.building
@@ -576,7 +591,7 @@ class _Gathered:
         """Take the runs of a building with their intensities."""
         taken = of.known & (im > 0.0)
         fallen = np.isin(of.status, FALLEN)
-        motion = np.array([motions[record] for record, _, _ in of.keys], np.int64)
+        motion = np.array([motions[record] if motions else sample for record, _, sample in of.keys], np.int64)
         demand = np.where(fallen, of.states.medians[-1], of.demand)
         columns = (self.im, im), (self.demand, demand), (self.fallen, fallen.astype(np.int8)), (self.motion, motion)
         for kept, values in columns:
@@ -612,33 +627,17 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
-    # The same fit for all runs and, below, with some motions left out.
     def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         return _type_stripes(runs, level, taken) if chosen == STRIPES else _type_cloud(runs, request, taken)
 
-    functions = fit(np.ones(runs.im.size, bool))
-
-    # The covariance of ln theta and beta by leaving out groups of motions; nan where less than three leave a fit.
-    motions = np.unique(runs.motion)
-    group = (np.searchsorted(motions, runs.motion) * min(_GROUPS, motions.size)) // motions.size
-    left: list[list[tuple[float, float]]] = [[] for _ in runs.states.states]
-    for motion in np.unique(group) if motions.size > 2 else ():
-        for place, function in enumerate(fit(group != motion)):
-            if isinstance(function, Fragility):
-                left[place].append((math.log(function.theta), function.beta))
-    covariances = [
-        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
-        for values in left
-    ]
+    functions = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
     return [
         function
         if isinstance(function, AnalysisError)
-        else replace(
-            function.named(median, runs.name, runs.unit), covariance=covariance, failed=runs.failed
-        ).beside_counts(runs.im, over, motion=runs.motion)
-        for function, median, covariance, over in zip(
-            functions, runs.states.medians, covariances, _beyond(runs).T, strict=True
+        else replace(function.named(median, runs.name, runs.unit), failed=runs.failed).beside_counts(
+            runs.im, over, motion=runs.motion
         )
+        for function, median, over in zip(functions, runs.states.medians, _beyond(runs).T, strict=True)
     ]
 
 

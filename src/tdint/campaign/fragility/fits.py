@@ -163,6 +163,11 @@ class Points:
     part: Array
 
 
+SELDOM = 0.1
+"""Share of runs beyond a state, and short of it, that tells a median: with fewer it hangs on the shape of the function,
+which few runs do not show."""
+
+
 @dataclass(frozen=True)
 class Counted:
     """What was counted in bins of the intensity, shape (k,): the intensity in its middle (geometric mean of the
@@ -182,6 +187,11 @@ class Counted:
         beyond = np.abs(self.share - self.fitted) - self.half
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(beyond > 0.0, beyond / self.error, 0.0)
+
+    @property
+    def bound(self) -> Array:
+        """By how much function and count may part before it is told."""
+        return _APART * self.error + self.half
 
 
 @dataclass(frozen=True)
@@ -214,7 +224,8 @@ class Fragility:
     theta, beta : float
         Median intensity and standard deviation of its logarithm, from record to record.
     covariance : ndarray, shape (2, 2)
-        Of the estimates of ln theta and beta: the inverse of the information matrix.
+        Of the estimates of ln theta and beta: the inverse of the information matrix, or where the motions of the runs
+        are known that of leaving these out one by one; nan where it is not known, or the median is extrapolated.
     records : int
         Records; of stripes those of the largest one.
     censored : int
@@ -234,6 +245,8 @@ class Fragility:
         Runs without a result, which the fit leaves out.
     bounds : tuple of Fragility or None
         Of stripes with such runs the fits with all of them counted as exceeding, and as not; None without one.
+    extrapolated : str
+        Why the observations do not tell the median, in words; empty where they do.
     """
 
     fit: str
@@ -251,6 +264,7 @@ class Fragility:
     beta_model: float = 0.0
     failed: int = 0
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)
+    extrapolated: str = ""
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
@@ -318,7 +332,21 @@ class Fragility:
         z, error = self._z(at)
         of_fit = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
         scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + of_fit**2)
-        return replace(self, counted=Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions))
+        counted = Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions)
+        return replace(self, counted=counted).within(im, float(np.sum(weight * beyond) / np.sum(weight)))
+
+    def within(self, im: Array, share: float) -> Fragility:
+        """The same function of intensities, shape (n,), and the share of their runs that is beyond; without an interval
+        where the median is extrapolated."""
+        why = ""
+        if share in (0.0, 1.0):
+            why = f"{'every' if share else 'no'} run is beyond"
+        elif share < SELDOM or share > 1.0 - SELDOM:
+            limit = 100.0 * (SELDOM if share < SELDOM else 1.0 - SELDOM)
+            why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs are beyond"
+        elif not np.min(im) <= self.theta <= np.max(im):
+            why = f"every intensity lies {'below' if self.theta > np.max(im) else 'above'} the median of"
+        return replace(self, extrapolated=why, covariance=np.full((2, 2), math.nan)) if why else self
 
     @property
     def exceeded(self) -> str:
@@ -381,13 +409,15 @@ class Fragility:
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
-    """A sentence for functions of which no run is beyond, and one for those of which every run is."""
-    said = []
-    for share, runs in ((0.0, "no run"), (1.0, "every run")):
-        names = [fit.exceeded for fit in functions if fit.counted is not None and np.all(fit.counted.share == share)]
-        if names:
-            said.append(f"{runs} is beyond {first_few(names, _MOST_NAMES)}: the median is extrapolated")
-    return said
+    """A sentence for each reason why medians are extrapolated, with the functions that it is true of."""
+    names: dict[str, list[str]] = {}
+    for fit in functions:
+        if fit.extrapolated:
+            names.setdefault(fit.extrapolated, []).append(fit.exceeded or "the threshold")
+    return [
+        f"{why} {first_few(of, _MOST_NAMES)}: the median is extrapolated"
+        for why, of in sorted(names.items(), reverse=True)
+    ]
 
 
 def levels_of(im: Array) -> NDArray[np.intp]:

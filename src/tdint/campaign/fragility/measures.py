@@ -18,6 +18,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
 from tdint.campaign.batch import Run
+from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.fragility.runs import BuildingDamage
 from tdint.campaign.intensity import AVERAGE, SPECTRAL, geometric_mean
 from tdint.campaign.plan import Plan
@@ -25,7 +26,8 @@ from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
-from tdint.ground_motion import measures
+from tdint.ground_motion.horizontals import motion_name
+from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
@@ -87,29 +89,7 @@ class RunMeasure:
             return math.nan
 
 
-def _of_record(name: str) -> Callable[[Record, float], float]:
-    """What gives one of the measures of a motion by itself."""
-    return lambda record, period: float(getattr(measures.measure(record), name))
-
-
-_OF_MOTIONS = {
-    "pga": RunMeasure("pga", "m/s^2", "peak ground acceleration", lambda record, period: record.pga),
-    "pgv": RunMeasure("pgv", "m/s", "peak ground velocity", _of_record("pgv")),
-    "pgd": RunMeasure("pgd", "m", "peak ground displacement", _of_record("pgd")),
-    "arias": RunMeasure("arias_intensity", "m/s", "Arias intensity", _of_record("arias"), 2.0),
-    "cav": RunMeasure("cav", "m/s", "cumulative absolute velocity", _of_record("cav")),
-    "cav5": RunMeasure(
-        "cav5",
-        "m/s",
-        "the same of accelerations of 0.05 m/s^2 and more",
-        _of_record("cav5"),
-        None,
-    ),
-    "d5-75": RunMeasure("d5_75", "s", "time between 5 and 75 % of the Arias intensity", _of_record("d5_75"), 0.0),
-    "d5-95": RunMeasure("d5_95", "s", "time between 5 and 95 % of the Arias intensity", _of_record("d5_95"), 0.0),
-}
-_PLAIN = {name: replace(measure, called=name) for name, measure in _OF_MOTIONS.items()}
-_FORMS = (*_PLAIN, "sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
+_FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
 
 
 def run_measure(text: str) -> RunMeasure:
@@ -122,12 +102,23 @@ def run_measure(text: str) -> RunMeasure:
         There is no such measure, or a number is missing or wrong.
     """
     name, _, rest = text.strip().partition(":")
-    if name in _PLAIN and not rest:
-        return _PLAIN[name]
+    # A name may be written as its column is, d5_75 for d5-75.
+    of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
+    if of_motion and not rest:
+        value = of_motion.of
+        return RunMeasure(
+            of_motion.head,
+            of_motion.unit,
+            of_motion.meaning,
+            lambda record, period: value(record),
+            of_motion.power,
+            of_motion.name,
+        )
     kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in kinds:
-        hint = did_you_mean(name, [*kinds, *_PLAIN])
-        raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {', '.join(_FORMS)})")
+        names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
+        hint = did_you_mean(name, [*kinds, *MEASURES_OF_MOTION])
+        raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {names})")
     try:
         return kinds[name](rest)
     except (UsageError, ValueError) as error:
@@ -446,8 +437,21 @@ def line(
             of = linregress(values, residual)
             p_value = of.pvalue if motion is None else _clustered(values, residual, motion)
             dependences.append(Dependence(about, float(of.slope), float(p_value)))
-    slope, error, r = float(fit.slope), float(fit.stderr), float(fit.rvalue)
+    error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
+    slope, r = float(fit.slope), float(fit.rvalue)
     return MeasureFit("", "", x.size, 0, slope, error, beta, r * r, tuple(dependences))
+
+
+def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
+    """The standard error of the slope of y over x by leaving out clusters one by one; nan of less than three."""
+    place = np.unique(cluster, return_inverse=True)[1]
+    x, y = x - np.mean(x), y - np.mean(y)
+    # Each line without a cluster by its sums: of all runs less those of the cluster.
+    sums = np.column_stack([np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)])
+    count, of_x, of_y, of_xx, of_xy = (sums.sum(axis=0) - sums).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = (of_xy - of_x * of_y / count) / (of_xx - of_x**2 / count)
+    return math.sqrt((slopes.size - 1) * float(np.var(slopes))) if slopes.size > 2 else math.nan
 
 
 def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
@@ -468,12 +472,15 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """The ground motion of each run of a table, or its event where there are fields: a number. Both components of a
-    pair, as the store beside the table tells, are of one; without a store all components of a record."""
+    """The ground motion of each run of a table, or its event where events are known: a number. Both components of a
+    pair, as the store beside the table tells, are of one; without a store all of a record or of files so named."""
     keys = list(zip(table.texts("record"), table.texts("component"), strict=True)) if table.has("component") else []
-    names: list[object] = [key[0] for key in keys] or list(range(len(table.rows)))
+    names: list[object] = list(range(len(table.rows)))
+    if table.has("record"):
+        names = [motion_name(name) for name in table.texts("record")]
     with _store_beside(table) as store:
-        if store is not None and store.events() and table.has("event"):
+        # Without fields a column of that name is one of the inventory.
+        if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None:
             records = store.records()
@@ -481,6 +488,45 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
             names = [motions.get(key, key) for key in keys]
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([numbers[name] for name in names], np.intp)
+
+
+# Runs under one ground motion err alike, and so do those of an event where events are known: the errors of a fit are
+# those of leaving these out one by one (jackknife, Efron and Stein 1981, The Annals of Statistics 9(3)), in groups
+# where that is much work (delete-a-group, Kott 2001, Journal of Official Statistics 17(4)).
+
+Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
+
+_GROUPS = 30  # of motions at the least, if there are so many: errors are then known to 13 %
+_MOST_FITTED = 2_000_000  # runs that all fits see together until groups have several motions: seconds of a cloud
+
+
+def over_motions(fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None) -> list[Fragility | AnalysisError]:
+    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln theta and beta over
+    their motions, shape (n,): nan where less than three leave a fit. As they are fitted without motions."""
+    functions = fit(of)
+    if motion is None:
+        return functions
+    # Groups of motions of about one size, in the order of their numbers.
+    motions = np.unique(motion[of])
+    groups = min(motions.size, max(_GROUPS, _MOST_FITTED // max(int(np.sum(of)), 1)))
+    group = (np.searchsorted(motions, motion) * groups) // motions.size
+    left: list[list[tuple[float, float]]] = [[] for _ in functions]
+    for number in range(groups) if groups > 2 else ():
+        try:
+            fitted = fit(of & (group != number))
+        except AnalysisError:
+            continue
+        for place, function in enumerate(fitted):
+            if isinstance(function, Fragility):
+                left[place].append((math.log(function.theta), function.beta))
+    covariances = [
+        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
+        for values in left
+    ]
+    return [
+        replace(function, covariance=covariance) if isinstance(function, Fragility) else function
+        for function, covariance in zip(functions, covariances, strict=True)
+    ]
 
 
 def of_pairs(table: CsvTable, im: Array) -> Array:

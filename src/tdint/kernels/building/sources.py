@@ -28,6 +28,9 @@ CODE: dict[str, dict[str, str]] = {}
 """SHA-256 of the files that a plug-in's law or method was executed from, by the file's name, of each `law NAME` and
 `method NAME`: told by who makes it known."""
 
+_PUBLIC = "tdint.plugin"
+"""What plug-ins import: names of other modules."""
+
 _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
@@ -135,8 +138,13 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
         elif isinstance(node, ast.ImportFrom):
             above = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (above, node.module)))
-            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    return tuple(name for name in names if name.partition(".")[0] not in _NOT_FOLLOWED)
+            names += [base] * (base != _PUBLIC) + [f"{base}.{alias.name}" for alias in node.names]
+    # A public name counts by the module in which it stands, all of them where the whole of them is imported.
+    homes, found = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
+    for name in names:
+        base, _, alias = name.rpartition(".")
+        found += homes.values() if name == _PUBLIC else [homes.get(alias, name) if base == _PUBLIC else name]
+    return tuple(name for name in found if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
 def _file(module: str) -> Path | None:

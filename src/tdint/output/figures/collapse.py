@@ -414,17 +414,19 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
     for i, function in enumerate(functions):
         look = line_look(i)
         color = look["color"]
-        low, high = function.band(im)
-        axes.fill_between(im, low, high, color=color, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.0)
-        for edge in (low, high):
-            axes.plot(im, edge, **look, linewidth=0.5)
+        if np.isfinite(function.covariance).all():  # else there is no interval
+            low, high = function.band(im)
+            axes.fill_between(im, low, high, color=color, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.0)
+            for edge in (low, high):
+                axes.plot(im, edge, **look, linewidth=0.5)
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
         if function.beta_model and total:
             whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
             axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
         mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "white"}
         _draw_counted(axes, function, end, color=color, **mark)
-    axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
+    if any(np.isfinite(function.covariance).all() for function in functions):
+        axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     _name_functions(axes, functions)

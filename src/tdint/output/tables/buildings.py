@@ -115,6 +115,9 @@ TARGET_DISPLACEMENT = (
     Column("drift_m", "m", "drift", "drift at the target displacement"),
     Column("drift_ratio", "1", "drift_ratio", "that over the story height"),
     Column("ductility", "1", "ductility", "that over the drift at first yield"),
+)
+TARGET_OF_BUILDING = (
+    TARGET_DISPLACEMENT[0],
     Column("roof_displacement_m", "m", "roof_displacement", "target displacement of the roof"),
     Column("base_shear_N", "N", "base_shear", "base shear there"),
     Column("period_s", "s", "period", "period of the equivalent oscillator: T*, Te"),
@@ -132,6 +135,11 @@ TARGET_DISPLACEMENT = (
 def target_table(results: Sequence[TargetDisplacement]) -> Table:
     """One row per method and story."""
     return Table.of_results(TARGET_DISPLACEMENT, results)
+
+
+def target_building_table(results: Sequence[TargetDisplacement]) -> Table:
+    """One row per method: the oscillators and where they are pushed to."""
+    return Table.of_results(TARGET_OF_BUILDING, results)
 
 
 _COMBINED = (("srss", "square root of the sum of squares"), ("cqc", "complete quadratic combination"))

@@ -11,10 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.spectra.elastic import Spectrum
-from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, integrate, measure, spectrum_intensity
+from tdint.ground_motion.measures import (
+    HOUSNER_PERIODS,
+    MEASURES,
+    Measures,
+    integrate,
+    measure,
+    spectrum_intensity,
+)
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, part, rows_of
 from tdint.tabular import Tabular
+from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.given import AnyRecord
@@ -36,14 +44,10 @@ INFO = (
         lambda info: f"{info.record.units} ({info.record.units_from})",
         "units of the file's samples and how they are known",
     ),
-    Column("pga_m_s2", "m/s^2", "measures.pga", "peak ground acceleration"),
-    Column("pgv_m_s", "m/s", "measures.pgv", "peak ground velocity"),
-    Column("pgd_m", "m", "measures.pgd", "peak ground displacement"),
-    Column("arias_intensity_m_s", "m/s", "measures.arias", "Arias intensity"),
-    Column("cav_m_s", "m/s", "measures.cav", "cumulative absolute velocity"),
-    Column("cav5_m_s", "m/s", "measures.cav5", "the same of accelerations of 0.05 m/s^2 and more"),
-    Column("d5_75_s", "s", "measures.d5_75", "time between 5 and 75 % of the Arias intensity"),
-    Column("d5_95_s", "s", "measures.d5_95", "time between 5 and 95 % of the Arias intensity"),
+    *(
+        Column(f"{one.head}{suffix(one.unit)}", one.unit, f"measures.{name.replace('-', '_')}", one.meaning)
+        for name, one in MEASURES.items()
+    ),
     Column("housner_intensity_m", "m", "housner_intensity", "Housner's spectrum intensity"),
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
     Column("leading_zeros", "1", "measures.leading_zeros", "samples at the start that are zero"),

@@ -161,17 +161,27 @@ FRAGILITY = (
     Column("fit", "text", "fit", "stripes, ida or cloud"),
     Column("theta", "1", "theta", "median intensity"),
     Column("beta", "1", "beta", "standard deviation of the logarithm of the intensity, from record to record"),
-    Column("theta_error", "1", "theta_error", "standard error of ln theta: of theta, as a part of it"),
-    Column("beta_error", "1", "beta_error", "standard error of beta"),
+    Column(
+        "theta_error",
+        "1",
+        "theta_error",
+        "standard error of ln theta: of theta, as a part of it; of runs whose motions (or events) are known by leaving "
+        "these out one by one; empty where the median is extrapolated or less than three motions tell it",
+    ),
+    Column("beta_error", "1", "beta_error", "standard error of beta, likewise"),
     Column("records", "1", "records", "records; of stripes those of the largest one, of a cloud of runs the runs"),
     Column("censored", "1", "censored", "records of which the value is known only to lie above a limit"),
     Column("im", "text", "im", "intensity measure, as far as the table tells it"),
     Column("unit", "text", "unit", "its unit, as far as the table tells it"),
 )
+_SEEN = (
+    "; of damage states with a dispersion s each run stands three times, with its demand times exp(-1.2247 s), 1 and "
+    "exp(1.2247 s), known only to be above the heaviest state, or below the lightest one, where it is"
+)
 CLOUD = (
-    Column("b0", "1", lambda one: _of_line(one, "intercept"), "of a cloud: intercept of ln EDP over ln IM"),
-    Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM"),
-    Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP"),
+    Column("b0", "1", lambda one: _of_line(one, "intercept"), f"of a cloud: intercept of ln EDP over ln IM{_SEEN}"),
+    Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM, likewise"),
+    Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP, likewise"),
     Column("below", "1", lambda one: _of_line(one, "light"), "of a cloud: runs that count only as below all states"),
 )
 """Beside a cloud: its line."""
@@ -198,12 +208,11 @@ FAILED = (
 """Beside a fit of runs some of which have no result."""
 
 _COUNTS = {
-    "im": ("1", "geometric mean of the intensities of the runs in bin {} of them, from the lowest"),
+    "im": ("1", "geometric mean of the intensities in bin {}, from the lowest"),
     "runs": ("1", "runs in this bin"),
-    "share": (
-        "1",
-        "the share of them that is beyond the threshold or state, as counted, to be held beside the function",
-    ),
+    "share": ("1", "share of them that is beyond, as counted"),
+    "fitted": ("1", "share that the function has there"),
+    "bound": ("1", "what may lie between both until a warning tells it"),
 }
 
 
@@ -319,7 +328,7 @@ COMPARED = (
     Column("runs", "1", "runs", "runs on the line: those that ended"),
     Column("left_out", "1", "left_out", "runs left out: collapsed, without a result, or without the measure"),
     Column("slope", "1", "slope", "of the line of ln drift ratio over ln IM"),
-    Column("slope_error", "1", "slope_error", "its standard error"),
+    Column("slope_error", "1", "slope_error", "its standard error, by leaving out motions (or events) one by one"),
     Column("beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the line"),
     Column("proficiency", "1", "proficiency", "beta over the slope"),
     Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),

@@ -1,0 +1,55 @@
+"""What plug-ins are written with: methods, drift laws, peers in charts, formats of records, measures of motions.
+
+    from tdint.plugin import STEP, Family, Method, at, kernel
+
+These names are promised: one of them changes only after a minor release that warns of it, wherever it stands below
+`tdint`, where nothing is promised. Each is looked up when it is first asked for, so that a law does not load what
+methods need. What they are is told where they stand: `help(tdint.plugin.restoring)`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from tdint.errors import did_you_mean
+
+_STANDS = {
+    "kernels.layout": "chained",
+    "kernels.compiling": "F8 I8 TABLE VECTOR called inlined kernel local local_table specialized",
+    "kernels.stepping": "STEP Factors Memory Scene Weights",
+    "kernels.linear_terms": "add_modal_force finite floor_impulse floor_load force_impulse force_moment force_rate "
+    "force_value internal_forces power_damper",
+    "kernels.stories.law_state": "adopt commit dissipated reach recoverable restoring resume settle",
+    "kernels.equations.newton": "BALANCE_ROWS ROW balance factor_rows forget",
+    "kernels.equations.tridiagonal": "COUPLING_ROWS Combination ModalBlocks assemble_blocks assemble_combination "
+    "factor factor_blocks factor_combination factor_damped link_blocks solve solve_blocks solve_blocks_damped "
+    "solve_damped",
+    "kernels.laws.law": "DriftLaw LawFunctions LawParameter yields_at_its_strength",
+    "kernels.laws.walking": "add_work branch_first copy_extra_rows extra_rows fail nothing put_on_branch walker "
+    "walking",
+    "methods.method": "Family Method Parameter",
+    "analysis.chart.problem": "Problem",
+    "ground_motion.formats.lines": "NUMBER Lines recognizes",
+    "ground_motion.formats.series": "Series motion_units reader required_units",
+    "ground_motion.measures": "Measure",
+    "ground_motion.record": "Record",
+    "errors": "AnalysisError RecordError UsageError",
+    "units": "Quantity",
+}
+
+HOMES = {name: f"tdint.{module}" for module, names in _STANDS.items() for name in names.split()}
+"""The modules in which the names stand."""
+
+HOMES["at"] = "tdint.kernels.layout"  # the module itself
+
+
+def __getattr__(name: str) -> Any:
+    if name not in HOMES:
+        raise AttributeError(f"module 'tdint.plugin' has no attribute {name!r}{did_you_mean(name, HOMES)}")
+    module = import_module(HOMES[name])
+    return module if name == "at" else getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return sorted(HOMES)

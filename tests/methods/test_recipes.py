@@ -1,0 +1,169 @@
+"""Plug-ins of published papers, written with `tdint.plugin` alone: tests/methods/recipes, and those of the READMEs."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import readmes
+import tdint
+from registered import compiled_truth, forgotten  # noqa: F401 (fixtures)
+from tdint import plugin
+from tdint.analysis.assessment import order
+from tdint.analysis.assessment.order import check_law, check_method
+from tdint.analysis.chart.problem import pose
+from tdint.analysis.run.prepared import of_everything
+from tdint.campaign.fragility.measures import run_measure
+from tdint.kernels.building import compilable
+from tdint.methods import catalogue as methods
+from tdint.methods.exact import oscillator
+from tdint.model.plugins import peers
+from tdint_cli.main import cli
+
+RECIPES = Path(__file__).parent / "recipes"
+METHODS = {
+    "rho_inf_bathe": ("rho-inf-bathe", "rho-inf-bathe:rho_inf=0.2,gamma=0.7"),
+    "explicit_alpha": ("explicit-alpha", "explicit-alpha:rho_b=0.3"),
+    "rosenbrock": ("ros2",),
+    "sdirk3": ("sdirk3",),
+}
+STORIES = {
+    "menegotto_pinto": {"type": "menegotto-pinto", "yield_force": 3e5, "hardening": 0.03},
+    "flag": {"type": "flag", "yield_force": 3e5, "hardening": 0.05, "loss": 0.6},
+}
+
+
+def test_the_names_are_there_and_plugins_import_nothing_else():
+    assert {"at", "balance", "Family", "Measure", "Problem", "reader", "STEP"} < set(dir(plugin))
+    assert all(getattr(plugin, name) is not None for name in dir(plugin))
+    with pytest.raises(AttributeError, match="did you mean 'restoring'"):
+        plugin.restorin  # noqa: B018
+    blocks = ("plugin-method", "plugin-peer", "plugin-measure", "law-file", "format-file")
+    for text in (*map(readmes.block, blocks), *(file.read_text() for file in RECIPES.glob("*.py"))):
+        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+        assert {node.module for node in nodes if node.module.startswith("tdint")} <= {"tdint.plugin"}
+
+
+def loaded(name):
+    tdint.load_plugin(RECIPES / f"{name}.py")
+
+
+def model_of(law, stories=1):
+    story = {"mass": 6e4, "height": 4.0, "stiffness": 3e7, "law": law}
+    return tdint.load_model({"stories": [story] * stories, "damping": "5%"})
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Kernels as they are written: nothing is compiled."""
+    monkeypatch.setenv("TDINT_KERNELS", "python")
+    for kernel, _ in of_everything():
+        monkeypatch.setattr(kernel, "_loaded", {})
+        monkeypatch.setattr(kernel, "_last", (compilable.EVERYTHING, None))
+
+
+@pytest.mark.usefixtures("compiled_truth")
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
+    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with bounds checked."""
+    loaded(name)
+    for specification in METHODS[name]:
+        assert order._yielding_faults(methods.parse(specification)) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_is_what_it_declares(name):
+    loaded(name)
+    for specification in METHODS[name]:
+        assert check_method(methods.parse(specification)).faults == ()
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("name", STORIES)
+def test_a_law_accounts_for_its_energy(name):
+    loaded(name)
+    assert check_law(model_of(STORIES[name]), 1) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STORIES)
+def test_a_run_of_a_law_makes_no_energy_and_hangs_on_no_method(name):
+    loaded(name)
+    record = tdint.make_record(5.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
+    model = model_of(STORIES[name], 2)
+    fine, coarse = (
+        tdint.run(model, record, method=method, dt=dt) for method, dt in (("moment4", 0.01), ("newmark-average", 0.001))
+    )
+    assert fine.stories.ductility.max() > 2.0
+    assert abs(fine.energy.error) < 1e-5
+    np.testing.assert_allclose(fine.stories.peak_drift, coarse.stories.peak_drift, rtol=1e-3)
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
+    """Slopes, widths and asymptotes of the papers' formulas."""
+    for name in STORIES:
+        loaded(name)
+    k, fy, a, beta = 3e7, 3e5, 0.05, 0.6
+    path = tdint.cyclic_test(model_of(STORIES["flag"]), 1, ["1%"], points=400).path
+    sliding = np.abs(path.drift) > 1.5 * fy / k
+    upper = fy + a * k * (np.abs(path.drift) - fy / k)
+    size = np.abs(path.shear)
+    between = (size > upper - beta * fy - 1e-6) & (size < upper + 1e-6)
+    assert between[sliding].all() and abs(path.shear[-1]) < 1e-6 * fy
+    # One cycle: both loops have the width beta Fy over the plateau, less the ends that k cuts off.
+    largest, cut = 0.04 - fy / k, beta * fy / ((1.0 - a) * k)
+    assert path.dissipated[-1] == pytest.approx(2.0 * beta * fy * (largest + cut - 0.5 * cut - 0.5 * cut), rel=1e-9)
+    path = tdint.cyclic_test(model_of(STORIES["menegotto_pinto"]), 1, ["1%"], points=400).path
+    at = path.drift.argmax()
+    x, b = path.drift[at] * k / fy, 0.03
+    assert path.shear[at] == pytest.approx(fy * (b * x + (1.0 - b) * x / (1.0 + x**20) ** 0.05), rel=1e-12)
+    assert np.all(np.abs(path.shear) <= fy * (1.0 - b) + b * k * np.abs(path.drift) + 1e-6 * fy + b * fy)
+
+
+def test_the_program_in_charts_is_exact():
+    """For an oscillator: SciPy's exponential against the formula of Nigam and Jennings."""
+    loaded("state_space")
+    ((_, _, function),) = peers()
+    record = tdint.make_record(np.sin(np.arange(200) * 0.3), dt=0.02, units="m/s^2")
+    model = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 100.0}], "damping": {"modal": 0.05}})
+    times, u = function(pose(model, record))
+    step = oscillator(np.array([10.0 * 0.02]), np.array([0.05]))[0]
+    state, motion = np.zeros(2), [0.0]
+    for j in range(199):
+        state = step @ np.concatenate([state, -(0.02**2) * record.acceleration[j : j + 2]])
+        motion.append(state[0])
+    np.testing.assert_allclose(u[:, 0], motion, atol=1e-12)
+    assert times[-1] == pytest.approx(199 * 0.02)
+
+
+def test_a_measure_of_the_readme_is_taken_by_name(tmp_path):
+    file = tmp_path / "bracketed.py"
+    file.write_text(readmes.block("plugin-measure"))
+    tdint.load_plugin(file)
+    tdint.load_plugin(file)
+    samples = np.zeros(101)
+    samples[[20, 70]] = 0.6, -0.4
+    record = tdint.make_record(samples, dt=0.01, units="m/s^2")
+    assert run_measure("bracketed").of(record, 1.0, math.nan) == 0.0
+    assert run_measure("bracketed").of(record, 2.0, math.nan) == pytest.approx(0.5)
+    assert run_measure("d5_75").column == run_measure("d5-75").column == "d5_75"
+
+
+def test_check_names_the_public_name_of_what_is_imported(tmp_path):
+    """And where such an import fails, the line says what to write."""
+    file = tmp_path / "old.py"
+    file.write_text("from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import Memory\nMETHODS = ()\n")
+    said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
+    assert f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import at" in said
+    assert f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin import Memory" in said
+    gone = tmp_path / "gone.py"
+    gone.write_text("from tdint.kernels.bundles import Memory, Scene\nMETHODS = ()\n")
+    result = CliRunner().invoke(cli, ["check", "--plugin", str(gone)])
+    assert result.exit_code == 2
+    assert f"{gone}:1: ModuleNotFoundError: " in result.output
+    assert "write from tdint.plugin import Memory, Scene" in result.output

@@ -1,0 +1,64 @@
+"""For tests of what plug-ins bring: it is forgotten after each, and methods are held to a motion that is found soon."""
+
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tdint.analysis.assessment import order
+from tdint.analysis.run import run as runs
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.workspace import Steps
+from tdint.ground_motion import measures
+from tdint.kernels.building import compilable
+from tdint.kernels.laws import LAWS as NUMBERED
+from tdint.kernels.laws import OURS
+from tdint.methods import catalogue as methods
+from tdint.model import definition
+from tdint.model.building import assemble
+from tdint.model.definition import Law, simple_model, simple_story
+
+SHORTER = 80  # steps of `order._H`: those with faults are wrong at the 60th
+
+
+def forget():
+    """Take back what files and packages have registered: this process is as a new one."""
+    for known in (definition.LAWS, definition.CODES):
+        for name in list(known)[OURS:]:
+            del known[name]
+    del NUMBERED[OURS:]
+    for name in set(measures.MEASURES) - set(measures._OURS):
+        del measures.MEASURES[name]
+    for cached in (methods._known, methods.catalogue, definition.laws, runs._parsed):
+        cached.cache_clear()
+    for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
+        del sys.modules[name]
+
+
+@pytest.fixture(autouse=True)
+def forgotten(monkeypatch):
+    """What a test registers is forgotten after it; what it compiles is compiled for its own scene."""
+    monkeypatch.setattr(compilable, "WHOLE", False)
+    yield
+    forget()
+
+
+@cache
+def true_motion(law):
+    """What `order._true_motion` gives, by the compiled march."""
+    story = simple_story(1.0, Law(law, order._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
+    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
+    ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * order._H)
+    steps = Steps(order._H / 16, 16 * SHORTER, 16)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compilable, "WHOLE", True)
+        space = prepared.march(methods.parse("impulse4"), steps, ground, rows=steps.count).space
+    return order._displacements(space, 16)
+
+
+@pytest.fixture
+def compiled_truth(monkeypatch):
+    """The true motion by the compiled march, and no longer one than shows what a method does wrong."""
+    monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
+    monkeypatch.setattr(order, "_true_motion", true_motion)
