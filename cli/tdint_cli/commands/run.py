@@ -114,6 +114,7 @@ def _run(request: Request) -> None:
     began = time.perf_counter()
     from tdint.analysis.given import model_record
     from tdint.analysis.run.outcome import FailedRun
+    from tdint.analysis.run.prepared import begin_at_once
     from tdint.analysis.run.run import prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summary import model_input
@@ -139,8 +140,12 @@ def _run(request: Request) -> None:
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
-    if request.history and not (shocks or request.tolerance or request.until_rest):
-        _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
+    if not (shocks or request.tolerance or request.until_rest):
+        steps = case.steps(request.dt, request.duration).count
+        if request.history:
+            _check_room(request, len(model.stories), steps)
+        # The errors take a second run, of half the step.
+        begin_at_once(case.prepared, case.method, steps if request.check is False else 3 * steps)
     try:
         response = _respond(case, shocks, request)
         record = response.record
