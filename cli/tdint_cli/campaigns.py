@@ -138,6 +138,9 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     PRINTED.set(looks)
 
 
+_MOST_TOLD = 10  # buildings of a suite whose means lack motions, a line each
+
+
 @dataclass(frozen=True)
 class Profiles:
     """Demands over the height of the buildings of a store, found once for all that is drawn, written and judged."""
@@ -254,9 +257,16 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        for profile in self.found:
-            if text := self._lost(profile):
-                warn(text)
+        lost = [text for profile in self.found if (text := self._lost(profile))]
+        more = (
+            [
+                f"the same of {how_many(len(lost) - _MOST_TOLD, 'building')} or levels more: the columns collapsed and "
+                f"failed of {PROFILES}"
+            ]
+            if len(lost) > _MOST_TOLD
+            else []
+        )
+        warn(*lost[:_MOST_TOLD], *more)
         if limit is None:
             return []
         self._need("--limit")

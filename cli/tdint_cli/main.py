@@ -52,16 +52,16 @@ GROUPS = {
         "fragility": ("fragility", "Fragility functions: the probability of exceedance over intensity."),
     },
     "Methods": {
+        "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
         "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
+        "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
         "stability": (
             "stability",
             "Spectral radius, period error and numerical damping of methods over dt/T.",
         ),
         "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
         "order": ("order", "Observed order of methods, from their errors over halved steps."),
-        "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
         "examples": ("examples", "Examples of the paper that proposed impulse: errors of methods, and its figures."),
-        "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
     },
     "Housekeeping": {
         "compile": ("compile", "Compile time loops ahead of their first use."),

@@ -20,6 +20,15 @@ FILES = {
     "2": ["example-2-errors.csv", "example-2-errors.json", "figure-10.png", "figure-11.png", "figure-12.png"],
     "3": ["example-3-errors.csv", "example-3-errors.json", "figure-14.png", "figure-15.png", "figure-16.png"],
 }
+NUMBERED = re.compile(r"Figure (\d+)(:|, our drawing:) ")
+CAPTIONS = {  # of the paper
+    1: "spectral radii, damping ratio 0",
+    2: "spectral radii, damping ratio 5 %",
+    3: "period elongations",
+    4: "numerical damping",
+    5: "amplitude decay",
+    6: "order of accuracy over ω₀ / ω",
+}
 
 
 @pytest.mark.parametrize("numbers", ["1", pytest.param("1 2 3", marks=pytest.mark.slow)])
@@ -64,10 +73,22 @@ def test_all_sixteen_figures(here, tdint, monkeypatch):
     result = tdint("examples", "2", "-o", "paper", "--figures", "--reference", "finer", code=0)
     assert "Its data stand in a drawing that we do not have" in " ".join(result.stderr.split())
     names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
-    assert names == [f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13))]
-    titles = {int(re.match(r"Figure (\d+):", figure.get_suptitle())[1]): figure for figure in drawn}
+    assert names == ["beta-scan.png", *(f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13)))]
+    titles = {int(found[1]): figure for figure in drawn if (found := NUMBERED.match(figure.get_suptitle()))}
     assert sorted(titles) == [*range(1, 7), *range(9, 13)]
-    beta = titles[3].axes[0].get_lines()
+    assert {number: CAPTIONS[number] in titles[number].get_suptitle() for number in CAPTIONS} == dict.fromkeys(
+        CAPTIONS, True
+    )
+    for number in CAPTIONS:
+        labels = [text.get_text().strip().partition(":")[0] for text in titles[number].legends[0].get_texts()]
+        five = ["impulse", "central-difference", "newmark-linear", "newmark-average", "wilson"]
+        assert sorted(labels) == sorted([*five, "impulse4", "moment4"])
+        lines = titles[number].axes[0].get_lines()[:7]
+        assert max(line.get_linewidth() for line in lines[5:]) < min(line.get_linewidth() for line in lines[:5])
+    assert "our drawing" in titles[9].get_suptitle()
+    assert min(len(line.split()) for figure in drawn for line in figure.get_suptitle().splitlines()) > 1
+    (scan,) = (figure for figure in drawn if "Not in the paper" in figure.get_suptitle())
+    beta = scan.axes[0].get_lines()
     assert [float(line.get_ydata().max()) > 1.0 + 1e-6 for line in beta[:5]] == [True, True, False, True, True]
     words = [text.get_text() for text in titles[9].axes[0].texts]
     assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(words)

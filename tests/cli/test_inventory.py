@@ -40,12 +40,6 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
     assert [fault.split(": ")[1] for fault in faults] == ["b.csv:3:2", "b.csv:3:4"]
 
 
-def test_scatter_has_a_seed(folder, tdint):
-    command = ("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--stiffness-scatter", "10%")
-    first, again, other = (tdint(*command, "--seed", seed).stdout for seed in (1, 1, 2))
-    assert first == again != other
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
@@ -53,7 +47,6 @@ def test_scatter_has_a_seed(folder, tdint):
         (["b.csv"], 2, "Missing option '--units'"),
         (["b.csv", "--units", "cm"], 2, "Invalid value for '--units'"),
         (["b.csv", "--units", "m", "--rules", "mine"], 2, "Invalid value for '--rules'"),
-        (["b.csv", "--units", "m", "--stiffness-scatter", "2"], 2, "Invalid value for '--stiffness-scatter'"),
         (["odd.csv", "--units", "m", "--models", "x"], 2, "the id '../up' does not make a file name"),
         (["b.csv", "--units", "m", "-o", "forced.yaml"], 6, "forced.yaml: exists already; give --overwrite"),
         (["forced.yaml", "--units", "m"], 3, "forced.yaml:1: no column id"),

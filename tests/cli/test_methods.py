@@ -13,7 +13,8 @@ from tdint_cli.commands import order
 
 COMMANDS = ("stability", "overshoot", "order")
 COLUMNS = {
-    "stability": "method,damping,dt_over_t,spectral_radius,period_error,numerical_damping,amplitude_decay",
+    "stability": "method,damping,dt_over_t,spectral_radius,period_error,numerical_damping,amplitude_decay,"
+    "spurious_radius",
     "overshoot": "method,damping,dt_over_t,start,step,displacement,velocity,displacement_power,velocity_power,law",
     "order": "method,load,law,frequency_ratio,displacement_order,velocity_order,acceleration_order,"
     "own_acceleration_order,displacement_error",
@@ -76,7 +77,7 @@ def test_what_is_refused(here, tdint, name, arguments, code, message):
 @pytest.mark.parametrize(
     "line",
     [
-        *(f"stability --damping {value}" for value in ("1", "-0.1", "nan")),
+        *(f"stability --damping {value}" for value in ("inf", "-0.1", "nan")),
         *(f"stability --dt-over-t {value}" for value in ("1:0.1:5", "0.1:1:1", "0.1:1", "0:1:5", "0.1:inf:5", "nan")),
         *(f"stability --dt-over-t {value}" for value in ("0.1:1:1e3", "1e7", "1e-7:1:3")),
         *(f"overshoot --dt-over-t {value}" for value in ("0", "inf", "1e7")),

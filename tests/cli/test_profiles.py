@@ -176,6 +176,23 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
+def test_of_many_buildings_ten_are_named_and_the_others_counted(study: Path, tdint: Command) -> None:
+    """A building that is named twice is told; of all the table says how many motions each mean lacks."""
+    names = [f"weak-{place}.yaml" for place in range(7)]
+    for name in names:
+        Path(name).write_text(STIFF.replace("name: stiff", f"name: {name[:-5]}") + "collapse_drift: 1e-6\n")
+    listed = ", ".join([*names, names[0]])
+    Path("study.yaml").write_text(
+        STUDY.replace("shaken.yaml, stiff.yaml", listed).replace("stories: true", "profiles: true")
+    )
+    result = tdint("campaign", "study.yaml", "-o", "out", code=0)
+    assert "note: named more than once, and run as often: weak-0.yaml" in result.stderr
+    told = [line for line in result.stderr.splitlines() if "there is no mean" in line]
+    lost = {(row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])}
+    assert len(told) == 10 and len(lost) == 14  # 7 names at two levels; one is run twice
+    assert "the same of 6 buildings or levels more: the columns collapsed and failed of profiles.csv" in result.stderr
+
+
 def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) -> None:
     levels = "intensity: {measure: pga, levels: [0.1 g, 0.2 g]}"
     Path("study.yaml").write_text(STUDY.replace("intensity: {scales: [0.5, 1]}", levels))

@@ -12,7 +12,7 @@ from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
-from tdint.model.plausibility import doubts
+from tdint.model.plausibility import doubts, unusual_floors
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
@@ -169,7 +169,11 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
     (line,) = doubts(model, assemble(model))
     assert line.startswith(told) and ", usual: " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
-    assert doubts(usual, assemble(usual), 9.0) == ()
+    assert doubts(usual, assemble(usual), 9.0) == () == (*unusual_floors(assemble(usual)),)
+    light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
+    (line,) = unusual_floors(assemble(light))
+    assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
+    assert unusual_floors(assemble(load("stories: [{mass: 200, stiffness: 4e4}]"))) == []
     for pga in (0.9e-4 * 9.80665, 2.6 * 9.80665):
         (line,) = doubts(usual, assemble(usual), pga)
         assert line.startswith("peak ground acceleration") and "0.0001 g to 2.5 g" in line

@@ -216,7 +216,7 @@ def test_a_spectrum_tells_how_it_was_computed(choices, told):
     ("ratios", "axis", "title"),
     [
         ((0.5,), "observed order", ", frequency ratio 0.5"),
-        ((0.5, 2.0), "frequency of the load over natural frequency", ""),
+        ((0.5, 2.0), "ω₀ / ω, frequency of the load over natural frequency", ""),
     ],
 )
 def test_orders_are_drawn_over_the_frequency_ratio_where_there_are_several(ratios, axis, title):

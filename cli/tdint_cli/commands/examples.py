@@ -29,15 +29,17 @@ _CONFIRMS = "gauss4"
 _WIDTH = 100  # letters of a line
 
 _LABORATORY = {
-    1: ("spectral_radius", 0.0, "spectral radius of one step, no damping"),
-    2: ("spectral_radius", 0.05, "spectral radius of one step, damping ratio 0.05"),
-    3: ("spectral_radius", 0.0, "spectral radius of impulse with other values of beta, no damping"),
-    4: ("period_error", 0.0, "period error, no damping"),
-    5: ("numerical_damping", 0.0, "numerical damping ratio, no damping"),
+    1: ("spectral_radius", 0.0, "spectral radii, damping ratio 0"),
+    2: ("spectral_radius", 0.05, "spectral radii, damping ratio 5 %"),
+    3: ("period_error", 0.0, "period elongations, damping ratio 0"),
+    4: ("numerical_damping", 0.0, "numerical damping, damping ratio 0 (eq. 40 prints half of it)"),
+    5: ("amplitude_decay", 0.0, "amplitude decay, damping ratio 0"),
 }
-"""Of the figures 1 to 5 the quantity, the damping ratio, and the title."""
+"""Of the figures 1 to 5 of the paper the quantity, the damping ratio, and the title."""
 
-_BETA_FIGURE, _ORDER_FIGURE = 3, 6
+_ORDER_FIGURE = 6  # of the paper
+_BETA_SCAN = "beta-scan"
+_OURS = ("impulse4", "moment4")  # thin, beside the paper's five
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
 _RATIOS = Grid(0.2, 5.0, 15)  # of the load's frequency over the natural one, as `tdint order` takes them
 
@@ -108,9 +110,10 @@ def command(request: Request) -> None:
 
     With -o: example-1-errors.csv and so on, and the paper's figures by its numbers: 7 displacement of example 1, 8 its
     errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example 2, 12 the errors of floor 2; 14 and 15
-    displacements of masses 1 and 150 of example 3, 16 the errors of mass 1. With --figures also 1 and 2 spectral radius
-    without damping and with 5 %, 3 that of impulse with other values of beta, 4 period error, 5 numerical damping, 6
-    observed order over the frequency of the load (1 to 5: their order is our reading), 9 and 13 the buildings.
+    displacements of masses 1 and 150 of example 3, 16 the errors of mass 1. With --figures also 1 and 2 spectral radii
+    without damping and with 5 %, 3 period elongations, 4 numerical damping, 5 amplitude decay, 6 order of accuracy over
+    the frequency of the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings in our own drawing; and
+    beta-scan, which the paper has not: impulse with other values of beta.
     """
     from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
 
@@ -162,31 +165,47 @@ def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) 
 
 
 def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
-    """The paper's figures that show no motion: methods on an oscillator, and the buildings of examples."""
-    drawings: dict[int, Callable[[], Any]] = {number: partial(_draw_laboratory, number) for number in range(1, 7)}
+    """The paper's figures that show no motion, methods on an oscillator and the buildings of examples; and the scan of
+    beta, which the paper has not."""
+    numbers = [*_LABORATORY, _ORDER_FIGURE]
+    drawings: dict[str, Callable[[], Any]] = {_name(number): partial(_draw_laboratory, number) for number in numbers}
     for example in drawn:
         if example.drawn_as:
-            title = f"Figure {example.drawn_as}: example {example.number}, {example.about}"
-            drawings[example.drawn_as] = partial(figures.examples.row_picture, title, example.model)
-    return {f"figure-{number:02d}{kind}": figures.style.picture(kind, draw) for number, draw in drawings.items()}
+            title = f"Figure {example.drawn_as}, our drawing: example {example.number}, {example.about}"
+            drawings[_name(example.drawn_as)] = partial(figures.examples.row_picture, title, example.model)
+    drawings[_BETA_SCAN] = _draw_beta_scan
+    return {f"{name}{kind}": figures.style.picture(kind, draw) for name, draw in drawings.items()}
+
+
+def _name(number: int) -> str:
+    return f"figure-{number:02d}"
 
 
 def _draw_laboratory(number: int) -> Any:
-    """One of the figures 1 to 6: the paper's methods on an oscillator without load, or under a harmonic one."""
+    """One of the figures 1 to 6: the paper's five methods on an oscillator without load, or under a harmonic one."""
     from tdint.analysis.assessment.order import observed_order, order_problem
-    from tdint.analysis.assessment.paper_examples import METHODS
+    from tdint.analysis.assessment.paper_examples import FIVE
     from tdint.analysis.assessment.stability import stability
 
+    integrators = options.analysis.integrators((*FIVE, *_OURS))
     if number == _ORDER_FIGURE:
         problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
-        integrators = options.analysis.integrators(METHODS)
         measured = [observed_order(method, problem) for method in integrators for problem in problems]
-        return figures.assessment.order_picture(measured, f"Figure {number}: ")
+        return figures.assessment.order_picture(
+            measured, f"Figure {number}: order of accuracy over ω₀ / ω\n", thin=len(_OURS)
+        )
     quantity, damping, about = _LABORATORY[number]
-    methods = [f"impulse:beta={beta}" for beta in BETAS] if number == _BETA_FIGURE else METHODS
-    steps = _STEPS.values()
-    curves = [stability(method, steps, damping) for method in options.analysis.integrators(methods)]
-    return figures.assessment.accuracy_picture(curves, quantity, f"Figure {number}: {about}")
+    curves = [stability(method, _STEPS.values(), damping) for method in integrators]
+    return figures.assessment.accuracy_picture(curves, quantity, f"Figure {number}: {about}", thin=len(_OURS))
+
+
+def _draw_beta_scan() -> Any:
+    from tdint.analysis.assessment.stability import stability
+
+    integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
+    curves = [stability(method, _STEPS.values()) for method in integrators]
+    title = "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"
+    return figures.assessment.accuracy_picture(curves, "spectral_radius", title)
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:

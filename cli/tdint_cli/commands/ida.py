@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tdint.campaign.ida import IdaSettings, IdaStudy
     from tdint.files import Content
     from tdint.units import OutputUnits, Units
-    from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
 _OFF_BALANCE = 0.01  # of the energy that was put in
@@ -74,7 +73,6 @@ class IdaRequest(RecordsRequest):
         "Take the two horizontal components of a motion together: both are run, at levels of this measure."
     )
     damping: float = options.studies.damping("--im sa or sa-avg")
-    average: Grid | None = options.studies.average("--im sa-avg")
     max_im: Units | None = options.studies.option(
         type=intensity("acceleration", "velocity", "displacement"),
         metavar="VALUE",
@@ -178,7 +176,7 @@ def command(request: IdaRequest) -> None:
     # The intensity measure: a spectral one at a period, the building's first by default
     spectral = request.im in ("sa", "sa-avg")
     period = (request.period or first_mode(assemble(model), None).period) if spectral else None
-    measure = options.studies.measure(request.im, period, request.damping, request.average)
+    measure = options.studies.measure(request.im, period, request.damping)
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
         raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")

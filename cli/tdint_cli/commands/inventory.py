@@ -12,7 +12,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.units import LENGTH
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Ratio
+from tdint_cli.options.grammar import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say
 
@@ -61,34 +61,11 @@ class Request:
         help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, "
         "and, if they are wanted, soft_story and degradation (true or false).",
     )
-    as_published: bool = options.option(
-        is_flag=True,
-        needs="--rules capacity",
-        common=True,
-        help="Multiply forces and stiffness by the factor of oq-vmtk 1.1, with which the period is too short.",
-    )
     damping: str = options.option(
         type=click.Choice(["full", "mass-only"]),
         default="full",
         common=True,
         help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
-    )
-    stiffness_scatter: float | None = options.option(
-        type=Ratio(0.0, 0.5),
-        metavar="PART",
-        common=True,
-        help="Standard deviation of a factor on each building's stiffness (0.1 or 10%); its strength stays.",
-    )
-    damping_scatter: float | None = options.option(
-        type=Ratio(0.0, 0.5), metavar="PART", common=True, help="The same of a factor on its damping ratio."
-    )
-    seed: int = options.option(
-        type=click.IntRange(min=0),
-        default=0,
-        needs="--stiffness-scatter or --damping-scatter",
-        metavar="N",
-        common=True,
-        help="Seed of the scatter; 0 by default.",
     )
 
 
@@ -129,10 +106,8 @@ def command(request: Request) -> None:
         LENGTH[request.units],
         mass_only=request.damping == "mass-only",
         classes=classes,
-        as_published=request.as_published,
     )
-    stiffness, damping = request.stiffness_scatter or 0.0, request.damping_scatter or 0.0
-    derived = derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=request.seed)
+    derived = derive_all(rows, rules)
     files = _model_files(derived, rules, request.models) if request.models else {}
     # Model files are checked with the table's, before either is written.
     if files:

@@ -10,18 +10,40 @@ import click
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.grammar import Number
-from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot
-    from tdint.methods.method import Integrator
 
 _MOST_STEPS = 100_000  # rows of a history that can still be opened
-
-
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
 """A large step is far beyond that one's limit."""
+
+
+@options.request
+class Request(options.analysis.OscillatorRequest):
+    """The command line of `tdint overshoot`."""
+
+    dt_over_t: float = options.analysis.option(
+        type=Number(*options.analysis.DT_OVER_T),
+        default=10.0,
+        metavar="RATIO",
+        common=True,
+        help="Step over the undamped period; 10 by default.",
+    )
+    steps: int = options.analysis.option(
+        type=click.IntRange(1, _MOST_STEPS),
+        default=10,
+        metavar="COUNT",
+        common=True,
+        help="Steps to take; 10 by default.",
+    )
+    law: str = options.analysis.option(
+        type=click.Choice(["linear", "hardening", "softening"]),
+        default="linear",
+        common=True,
+        help="Restoring force: linear (default), or that of the problem of this name in `tdint failures`.",
+    )
 
 
 @options.command(
@@ -29,49 +51,9 @@ _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-diffe
     "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
     "tdint overshoot --method newmark-average,moment4 --law softening",
 )
-@options.analysis.plugin
-@options.analysis.all_methods
-@options.analysis.option(
-    "--dt-over-t",
-    type=Number(*options.analysis.DT_OVER_T),
-    default=10.0,
-    metavar="RATIO",
-    common=True,
-    help="Step over the undamped period; 10 by default.",
-)
-@options.analysis.option(
-    "--steps",
-    type=click.IntRange(1, _MOST_STEPS),
-    default=10,
-    metavar="COUNT",
-    common=True,
-    help="Steps to take; 10 by default.",
-)
-@options.analysis.option(
-    "--damping",
-    type=options.analysis.damping_ratio,
-    default=0.0,
-    metavar="RATIO",
-    common=True,
-    help="Damping ratio of the oscillator; 0 by default.",
-)
-@options.analysis.option(
-    "--law",
-    type=click.Choice(["linear", "hardening", "softening"]),
-    default="linear",
-    common=True,
-    help="Restoring force: linear (default), or that of the problem of this name in `tdint failures`.",
-)
-@options.output.to_files(picture=options.output.PICTURE, more=[options.analysis.draw_all(_DRAWN)], in_units=False)
-def command(
-    methods: tuple[str, ...],
-    dt_over_t: float,
-    steps: int,
-    damping: float,
-    law: str,
-    draw_all: bool,
-    outputs: Outputs,
-) -> None:
+@options.analysis.of_oscillator(_DRAWN)
+@options.of(Request)
+def command(request: Request) -> None:
     """First steps of methods under a large step, and how they grow with it.
 
     An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0, 1). CSV: u / U and
@@ -87,48 +69,58 @@ def command(
     the spring, then all of it in the mass. The columns are over the largest displacement and velocity of the exact
     motion, T is the period of small vibrations. There are no powers; what the steps pass goes to standard error.
     """
-    from tdint.analysis.assessment.stability import STARTS, overshoot
+    from tdint.analysis.assessment.stability import STARTS, overshoot, verdict
 
-    integrators = options.analysis.integrators(methods)
-    if law != "linear":
-        integrators = options.analysis.for_nonlinear(integrators, law)
+    integrators = options.analysis.integrators(request.methods)
+    if request.law != "linear":
+        integrators = options.analysis.for_nonlinear(integrators, request.law)
     pairs = {
-        integrator: [overshoot(integrator, start, dt_over_t, steps, damping, law) for start in STARTS]
+        (integrator, ratio): [
+            overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law) for start in STARTS
+        ]
         for integrator in integrators
+        for ratio in request.damping
     }
     motions = [motion for pair in pairs.values() for motion in pair]
-    shown = motions if draw_all or methods else options.analysis.drawn(motions, _DRAWN)
-    outputs.deliver(tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown))
-    _say_powers(pairs) if law == "linear" else _say_largest(pairs)
+    shown = request.drawn(motions, _DRAWN)
+    request.outputs.deliver(
+        tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown)
+    )
+    several = len(request.damping) > 1
+    named = {integrator.label + f", damping {ratio:g}" * several: pair for (integrator, ratio), pair in pairs.items()}
+    if request.law != "linear":
+        _say_largest(named)
+    else:
+        _say_powers(named, [verdict(integrator, pair) for (integrator, _), pair in pairs.items()])
 
 
-def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
-    from tdint.analysis.assessment.stability import EXACT_POWERS, verdict
+def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
+    from tdint.analysis.assessment.stability import EXACT_POWERS
 
     rows = [
         ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),
         ("exact motion", *(_power(power) for powers in EXACT_POWERS.values() for power in powers), ""),
     ]
-    for integrator, pair in pairs.items():
+    for (name, pair), words in zip(pairs.items(), verdicts, strict=True):
         powers = (_power(power) for motion in pair for power in (motion.displacement_power, motion.velocity_power))
-        rows.append((integrator.label, *powers, verdict(integrator, pair)))
+        rows.append((name, *powers, words))
     say("Powers of omega dt in the first step, as omega dt goes to infinity:")
     say_table(rows)
 
 
-def _say_largest(pairs: dict[Integrator, list[Overshoot]]) -> None:
+def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
     from tdint.analysis.assessment.stability import BEYOND
 
     rows: list[tuple[str, ...]] = [("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")]
-    for integrator, pair in pairs.items():
+    for name, pair in pairs.items():
         largest = [motion.largest for motion in pair]
         beyond = {
-            name: max(values) > 1.0 + BEYOND
-            for name, values in zip(("displacement", "velocity"), zip(*largest, strict=True), strict=True)
+            quantity: max(values) > 1.0 + BEYOND
+            for quantity, values in zip(("displacement", "velocity"), zip(*largest, strict=True), strict=True)
         }
-        words = " and ".join(name for name, passes in beyond.items() if passes) or "none"
+        words = " and ".join(quantity for quantity, passes in beyond.items() if passes) or "none"
         first, second = (["runs away" if math.isinf(value) else f"{value:.3g}" for value in both] for both in largest)
-        rows.append((integrator.label, *first, *second, words))
+        rows.append((name, *first, *second, words))
     say("Largest displacement and velocity of the steps, over those of the exact motion:")
     say_table(rows)
 

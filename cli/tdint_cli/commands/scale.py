@@ -100,7 +100,6 @@ class ScaleRequest(RecordsRequest):
         "Take the two horizontal components of a motion together, with one factor, by this measure of both."
     )
     damping: float = options.studies.damping("--target or --sa or --sa-avg or --plot")
-    average: Grid | None = options.studies.average("--sa-avg")
 
     @property
     def value(self) -> tuple[str, float] | None:
@@ -244,7 +243,7 @@ def _aim(request: ScaleRequest) -> Any:
     if request.target is None:
         assert value is not None
         name, number = value
-        measure = options.studies.measure(name, request.at, request.damping, request.average)
+        measure = options.studies.measure(name, request.at, request.damping)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.analysis.spectra.target import read_target
     from tdint.written_numbers import Grid

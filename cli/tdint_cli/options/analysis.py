@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Name, Ratio
+from tdint_cli.options.output import PICTURE, Outputs, to_files
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import note, warn
 
@@ -172,6 +173,35 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
 def drawn(results: Sequence[Result], names: Sequence[str]) -> list[Result]:
     """Those of the results that are of methods of these names."""
     return [result for result in results if result.method.partition(":")[0] in names]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillatorRequest:
+    """What the command lines have in common that measure methods on an oscillator: `of_oscillator` gives it."""
+
+    methods: tuple[str, ...]
+    damping: tuple[float, ...]
+    draw_all: bool
+    outputs: Outputs
+
+    def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
+        """What the picture has: all that was asked for, else those of these names."""
+        return results if self.draw_all or self.methods else drawn(results, names)
+
+
+def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
+    """The options of an `OscillatorRequest`; pictures have these methods where none is named."""
+    damping = option(
+        "--damping",
+        type=Ratio(0.0),
+        many=True,
+        default=(0.0,),
+        metavar="RATIO,...",
+        common=True,
+        help="Damping ratios of the oscillator, also of 1 and more; 0 by default.",
+    )
+    files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)
+    return grammar.together(plugin, all_methods, damping, files)
 
 
 def integrators(specifications: Sequence[str]) -> list[Integrator]:

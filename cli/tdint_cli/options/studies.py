@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import FileName, PairsType, PairWish, Ratio, grid
+from tdint_cli.options.grammar import FileName, PairsType, PairWish, Ratio
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.intensity import IntensityMeasure
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
-    from tdint.written_numbers import Grid
 
 option = partial(grammar.option, heading=grammar.INTENSITY)
 
@@ -63,18 +62,7 @@ def damping(needs: str) -> grammar.Declaration:
     )
 
 
-def average(needs: str) -> grammar.Declaration:
-    """The option --average, of the measure that it `needs`."""
-    return option(
-        "--average",
-        type=grid(),
-        needs=needs,
-        metavar="FIRST:LAST:COUNT",
-        help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
-    )
-
-
-def measure(name: str, period: float | None, damping: float, average: Grid | None) -> IntensityMeasure:
+def measure(name: str, period: float | None, damping: float) -> IntensityMeasure:
     """The intensity measure of a name: sa and sa-avg at a period (s), others without one."""
     from tdint.campaign import intensity
 
@@ -82,7 +70,7 @@ def measure(name: str, period: float | None, damping: float, average: Grid | Non
         return intensity.measure_of(name)
     if name == "sa":
         return intensity.sa(period, damping)
-    return intensity.sa_average(period, damping, average or intensity.AVERAGE)
+    return intensity.sa_average(period, damping)
 
 
 threshold = partial(

@@ -6,6 +6,7 @@ A plan is made of what was read: nothing is opened here.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,7 @@ from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
 from tdint.model.plausibility import PGA, doubts, unusual
 from tdint.units import STANDARD_GRAVITY
+from tdint.written_numbers import first_few
 
 _COLLAPSE_DRIFT = 0.10
 """Of buildings by rules, where a campaign says nothing of it."""
@@ -41,6 +43,7 @@ _SECONDS_PER_STEP = 0.15e-6
 _SECONDS_PER_BUILDING = 2e-4
 _CHUNKS = 64
 _LOOKED_AT = 1000
+_MOST_NAMES = 10  # that a note names
 _KEPT = 1000  # buildings whose steps are remembered
 _SHORTEST, _LONGEST = 0.002, 2.0
 """Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
@@ -331,6 +334,11 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             return inventory_buildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
+    # Of a sweep the variations of a model are buildings of their own.
+    named = Counter((model.source, model.label) for model in inputs.models)
+    again = [source for (source, _), count in named.items() if count > 1]
+    if again:
+        notes.append(f"named more than once, and run as often: {first_few(list(dict.fromkeys(again)), _MOST_NAMES)}")
     # Models may bring methods of their own, unless the campaign names one for all.
     subjects = []
     for model in inputs.models:

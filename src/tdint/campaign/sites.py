@@ -21,7 +21,7 @@ from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMot
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
-from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_name
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.reading.read import check_possible
 from tdint.ground_motion.reading.sample_units import file_units
@@ -47,6 +47,7 @@ _SHOWN_FAULTS, _MOST_FAULTS = 10, 1000
 """Faults of a table that are shown, and after which reading ends."""
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
+_OTHER = "record_2"  # column of the file of the other horizontal of a pair, where names do not tell it
 
 
 def read_grid(grid: GridFile) -> FoundMotions:
@@ -190,7 +191,7 @@ class _FieldRows:
 
     sites: dict[str, int]
     events: dict[str, int] = field(default_factory=dict)
-    records: dict[tuple[str, str], int] = field(default_factory=dict)
+    records: dict[tuple[str, str, str], int] = field(default_factory=dict)
     site: array[int] = field(default_factory=lambda: array("i"))
     event: array[int] = field(default_factory=lambda: array("i"))
     record: array[int] = field(default_factory=lambda: array("i"))
@@ -202,8 +203,8 @@ class _FieldRows:
         site, event, record = (np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record))
         return site, event, record, np.frombuffer(self.value, np.float64)
 
-    def first_lines(self) -> list[tuple[int, str, str]]:
-        """Of each record the line where it stands first, its name and its component."""
+    def first_lines(self) -> list[tuple[int, str, str, str]]:
+        """Of each record the line where it stands first, its name, its component and the file of the other one."""
         first = np.unique(np.frombuffer(self.record, np.int32), return_index=True)[1].tolist()
         return [(self.line[place], *key) for place, key in zip(first, self.records, strict=True)]
 
@@ -237,13 +238,15 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     """
     file = field.file
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
-    columns = (*_EVENTS, *_SITES, "record", "component", "factor")
+    columns = (*_EVENTS, *_SITES, "record", _OTHER, "component", "factor")
     # Row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
     table.need(event, "record", *([site] if field.sites else ()))
+    if table.has(_OTHER) and not field.pairs:
+        raise ModelError(f"{file}:{table.header_line}: {_OTHER} is of pairs: add pairs: true to the records")
     value, unit, measure = _field_values(table)
-    names = (event, "record", site, "component", value)
+    names = (event, "record", site, "component", _OTHER, value)
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
     # Faults are gathered up to a number, so that one look at the file mends them all.
@@ -256,7 +259,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             continue
         # Cells that are missing at the end are empty ones.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
-        event_name, record, place, component, text = (cells[number].strip() for number in at)
+        event_name, record, place, component, other, text = (cells[number].strip() for number in at)
         missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
         missing += [site] * (at[2] < width and not place)
         factor = number(text) if text else 1.0
@@ -274,7 +277,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
         else:
             rows.site.append(sites.setdefault(place, len(sites)))
             rows.event.append(rows.events.setdefault(event_name, len(rows.events) + 1))
-            rows.record.append(rows.records.setdefault((record, component), len(rows.records)))
+            rows.record.append(rows.records.setdefault((record, component, other), len(rows.records)))
             rows.value.append(unit * factor)
             rows.line.append(line)
     faults += rows.twice(file)
@@ -333,15 +336,16 @@ class _FieldRecords:
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
         self.notes: list[str] = []
+        self._files: dict[Path, dict[str, list[str]]] = {}
 
     def motions_of(
-        self, line: int, record: str, component: str, measure: IntensityMeasure | None
+        self, line: int, record: str, component: str, other: str, measure: IntensityMeasure | None
     ) -> tuple[tuple[int, float], ...]:
         """The motions of a record by their numbers, and what they have of the measure, SI (of a pair the geometric
         mean), or 1 for factors; none if it cannot be read or has not the measure."""
         first = len(self.motions)
         try:
-            motions = self._read(record, component)
+            motions = self._read(record, component, other)
             measured = [1.0 if measure is None else measure.of(motion.whole, GEOMETRIC_MEAN) for motion in motions]
         except (AnalysisError, RecordError, UsageError) as error:
             self.failures.append(RecordError(f"{self._wanted.file}:{line}: {error}"))
@@ -349,14 +353,25 @@ class _FieldRecords:
         self.motions += motions
         return tuple((first + place, value) for place, value in enumerate(measured))
 
-    def _read(self, record: str, component: str) -> tuple[SuiteMotion, ...]:
-        field, file = self._wanted, resolve(record, Path(self._wanted.file).parent)
+    def _read(self, record: str, component: str, other: str) -> tuple[SuiteMotion, ...]:
+        field, folder = self._wanted, Path(self._wanted.file).parent
+        file = resolve(record, folder)
         # Records of SimCenter's events are JSON, all others are records as elsewhere.
         if file.endswith(".json"):
             return _json_motions(file, component, field)
         choice = replace(field.choice, component=component or field.choice.component)
-        suite = (read_pairs if field.pairs else read_components)([file], choice)
+        if not field.pairs:
+            suite = read_components([file], choice)
+        elif other:
+            # What the table names is a pair, whatever the names are.
+            suite = read_pairs([file, resolve(other, folder)], choice, ONE_MOTION)
+        else:
+            suite = read_pairs([file], choice)
+            if any(isinstance(error, SingleHorizontal) for error in suite.failures):
+                suite = read_pairs(self._named_alike(file), choice)
         for error in suite.failures:
+            if isinstance(error, SingleHorizontal):
+                raise RecordError(f"{error}: by its name it has no partner, which a column {_OTHER} may name")
             raise error
         self.notes += suite.notes
         self.notes += [
@@ -365,6 +380,15 @@ class _FieldRecords:
             for text in read_record.warnings
         ]
         return suite_motions(suite.motions)
+
+    def _named_alike(self, file: str) -> list[str]:
+        """The files of a motion by their names: those beside a file that `records: files` would take together."""
+        folder = Path(file).parent
+        if folder not in self._files:
+            self._files[folder] = {}
+            for path in sorted(folder.iterdir()):
+                self._files[folder].setdefault(motion_name(str(path)), []).append(str(path))
+        return self._files[folder].get(motion_name(str(Path(file))), [file])
 
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:

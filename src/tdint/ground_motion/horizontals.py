@@ -213,6 +213,8 @@ class PairNames:
 
     def motion(self, file: str) -> str:
         """The motion that a file belongs to, a name with {} for the component; empty if it has neither name."""
+        if self == ONE_MOTION:
+            return _MARK
         path = Path(file).as_posix()
         for name in (self.first, self.second):
             before, _, after = name.partition(_MARK)
@@ -223,6 +225,9 @@ class PairNames:
 
 USUAL = PairNames()
 """Names as K-NET, PEER and networks give them, and the usual endings."""
+
+ONE_MOTION = PairNames("{}", "{}")
+"""All files are of one motion, whatever their names are."""
 
 
 def motion_name(file: str) -> str:

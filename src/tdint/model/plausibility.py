@@ -65,6 +65,13 @@ HEIGHT = Usual(
     _METERS,
     "below it nobody stands, above it a hall ends: is the unit of length right?",
 )
+FLOOR = Usual(
+    "mass of a floor",
+    1e3,
+    1e8,
+    "{:.3g} kg",
+    "the floor of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
+)
 STRENGTH = Usual(
     "yield force over the weight above:",
     0.005,
@@ -123,6 +130,14 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
     return [*told, *unusual_stories(HEIGHT, building.heights), *unusual_stories(STRENGTH, strength / weight)]
+
+
+def unusual_floors(building: Building) -> list[str]:
+    """A line on floors too light or too heavy, for `tdint check`: a building of 200 kg for 200 t may have the period
+    and the strength over weight of the right one. Without heights of its stories a model may be one of a
+    laboratory or a textbook, and a period that is not usual is told instead."""
+    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
+    return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:

@@ -32,6 +32,9 @@ METHODS = (
 )
 """The paper's seven methods; `impulse` is the one that it proposes."""
 
+FIVE = ("impulse", "central-difference", "newmark-linear", "newmark-average", "wilson:theta=1.4")
+"""Those of its figures 1 to 6."""
+
 DT = 0.02
 """The paper's time step, s."""
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from tdint.written_numbers import how_many
 
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
 _REAL = 1e-9  # imaginary part of a root that is real but for rounding
-_LEAD = 60  # points between there and the first one that was asked for
+_APART = 1.08  # ratio of neighboring steps at which roots are not mistaken for each other
 LARGEST = 1e4
 """omega dt up to which a critical step is searched."""
 
@@ -34,8 +35,8 @@ _ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral 
 class StabilityCurve(Tabular):
     """What one step does to an undriven oscillator; arrays of shape (k,).
 
-    Period error, numerical damping and amplitude decay are nan where the principal roots are real, and for steps longer
-    than half the damped period, which tell no period.
+    Period error, numerical damping and amplitude decay are nan where the principal roots are real, for steps longer
+    than half the damped period, which tell no period, and for a damping ratio of 1 and more, which has none.
 
     Attributes
     ----------
@@ -49,9 +50,13 @@ class StabilityCurve(Tabular):
         Numerical over exact damped period, minus 1.
     numerical_damping : ndarray
         Damping ratio of the numerical oscillation minus xi: from the principal root exp(-d + i f), d / sqrt(d^2 + f^2)
-        (Hughes 1987, sect. 9.1).
+        (Hughes 1987, sect. 9.1). Twice what eq. 40 of the paper of 2022 prints, for small d.
     amplitude_decay : ndarray
-        Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi xi') with xi' the numerical damping.
+        Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi (d / f - xi / sqrt(1 - xi^2))): without
+        damping eq. 41 of the paper.
+    spurious_radius : ndarray
+        Modulus of the largest eigenvalue beside the principal pair (eq. 35 of the paper: 0), nan where that is real; 0
+        for a method that remembers displacement and velocity alone.
     """
 
     method: str
@@ -61,6 +66,7 @@ class StabilityCurve(Tabular):
     period_error: Array
     numerical_damping: Array
     amplitude_decay: Array
+    spurious_radius: Array
 
     def _headline(self) -> str:
         return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
@@ -76,48 +82,73 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     dt_over_t : ndarray, shape (k,)
         Steps over the undamped period, rising.
     damping : float
-        Damping ratio, in [0, 1).
+        Damping ratio, 0 or more.
 
     Returns
     -------
     StabilityCurve
-        Spectral radius, period error, numerical damping and amplitude decay, shape (k,).
+        Spectral radius, period error, numerical damping, amplitude decay and spurious root, shape (k,).
 
     Raises
     ------
     UsageError
-        An unknown method, or steps that are none.
+        An unknown method, or a damping ratio that is none.
     AnalysisError
         A step of the oscillator fails.
     """
-    method = parse(method) if isinstance(method, str) else method
+    method = _checked(method, damping)
     dt_over_t = np.asarray(dt_over_t, dtype=np.float64)
-    lead = np.geomspace(_SMALLEST, dt_over_t[0], _LEAD)[:-1] if dt_over_t[0] > _SMALLEST else np.empty(0)
-    ratios = np.concatenate([lead, dt_over_t])
+    # Roots are followed from a small step on, with steps in between where those that are asked for lie far apart.
+    ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
+    counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
+    ways = [np.geomspace(low, high, count)[:-1] for (low, high), count in zip(pairwise(ends), counts, strict=True)]
+    places = np.cumsum([way.size for way in ways])
+    ratios = np.concatenate([*ways, dt_over_t[-1:]])
+    ratios[places] = dt_over_t
     roots = _roots(method, 2.0 * math.pi * ratios, damping)
-    # The root that stands for the oscillation, followed from small steps on; positive imaginary part while complex.
-    omega_h = 2.0 * math.pi * ratios
-    followed = np.empty(len(roots), dtype=np.complex128)
-    guess = np.exp(complex(-damping, math.sqrt(1.0 - damping**2)) * omega_h[0])
-    for index, candidates in enumerate(roots):
-        upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
-        followed[index] = guess = upper[np.argmin(np.abs(upper - guess))]
-    principal = followed[lead.size :]
-    exact_phase = 2.0 * math.pi * dt_over_t * math.sqrt(1.0 - damping**2)
-    tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi)
+    principal, spurious = _followed(roots, 2.0 * math.pi * ratios[0], damping)
+    roots, principal, spurious = roots[places], principal[places], spurious[places]
+    # Above critical damping there is no period: nothing is told of it.
+    damped = math.sqrt(max(1.0 - damping**2, 0.0))  # circular frequency over the undamped one
+    exact_phase = 2.0 * math.pi * dt_over_t * damped
+    tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (damped > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         decay, phase = -np.log(np.abs(principal)), np.angle(principal)
         period_error = np.where(tells, exact_phase / phase - 1.0, math.nan)
         numerical = np.where(tells, decay / np.hypot(decay, phase) - damping, math.nan)
+        lost = np.where(tells, decay / phase - np.divide(damping, damped), math.nan)
     return StabilityCurve(
         method=method.label,
         damping=damping,
         dt_over_t=dt_over_t,
-        spectral_radius=np.max(np.abs(roots[lead.size :]), axis=1),
+        spectral_radius=np.max(np.abs(roots), axis=1),
         period_error=period_error,
         numerical_damping=numerical,
-        amplitude_decay=1.0 - np.exp(-2.0 * math.pi * numerical),
+        amplitude_decay=1.0 - np.exp(-2.0 * math.pi * lost),
+        spurious_radius=spurious,
     )
+
+
+def _checked(method: Integrator | str, damping: float) -> Integrator:
+    """The method; UsageError for an unknown one, and for a damping ratio that is none."""
+    if not 0.0 <= damping < math.inf:
+        raise UsageError(f"a damping ratio is a number from 0 on, got {damping!r:.60}")
+    return parse(method) if isinstance(method, str) else method
+
+
+def _followed(roots: NDArray[np.complex128], first: float, damping: float) -> tuple[NDArray[np.complex128], Array]:
+    """Of the roots at rising steps, the first one omega h, the one that stands for the oscillation, followed from there
+    on (positive imaginary part while complex), and the largest modulus beside it and its conjugate."""
+    guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
+    principal, spurious = np.empty(len(roots), dtype=np.complex128), np.zeros(len(roots))
+    for index, candidates in enumerate(roots):
+        upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
+        nearest = np.argsort(np.abs(upper - guess))
+        principal[index] = guess = upper[nearest[0]]
+        # Real roots are no pair: which one of the others is the partner is not told.
+        if candidates.size > 2:
+            spurious[index] = math.nan if guess.imag <= _REAL else np.max(np.abs(upper[nearest[2:]]))
+    return principal, spurious
 
 
 def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
@@ -259,7 +290,7 @@ def overshoot(
     steps : int
         How many.
     damping : float
-        Damping ratio, in [0, 1); of a nonlinear law that of small vibrations.
+        Damping ratio, 0 or more; of a nonlinear law that of small vibrations.
     law : str
         One of `LAWS`.
 
@@ -271,9 +302,10 @@ def overshoot(
     Raises
     ------
     UsageError
-        An unknown method, start or law; a method for linear buildings with a nonlinear law.
+        An unknown method, start or law, a damping ratio that is none; a method for linear buildings with a nonlinear
+        law.
     """
-    method = parse(method) if isinstance(method, str) else method
+    method = _checked(method, damping)
     if start not in STARTS:
         raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:

@@ -15,7 +15,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
-from tdint.model.plausibility import doubts
+from tdint.model.plausibility import doubts, unusual_floors
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -102,7 +102,7 @@ def overview(source: str | Path) -> Overview:
     if source_of_record is not None and source_of_record.file != "-":
         record = model_record(model)
         pga = record.pga if record else math.nan
-    period, warnings = 2.0 * math.pi / omega, doubts(model, building, pga)
+    period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual_floors(building))
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 
 

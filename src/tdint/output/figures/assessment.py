@@ -45,6 +45,7 @@ _ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
 _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
 _ROUNDING = 1e-9  # what a spectral radius may lie above 1
+_THIN = 0.7  # points, of a line that is an addition
 _TALLEST = 1e4  # what runs away is cut here
 
 
@@ -101,13 +102,15 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
-    methods = [motion.method for motion in motions]
-    short = short_labels(methods)
+    dampings = list(dict.fromkeys(motion.damping for motion in motions))
+    short = short_labels([motion.method for motion in motions])
+    styles = line_styles([motion.method for motion in motions], [motion.damping for motion in motions])
     lines = {}
-    for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
+    for motion, style in zip(motions, styles, strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
         row = panels[starts.index(motion.start)]
-        (lines[motion.method],) = row[0].plot(motion.displacement, **style)
+        label = short[motion.method] + f", ξ {motion.damping:g}" * (len(dampings) > 1)
+        (lines[label],) = row[0].plot(motion.displacement, **style)
         row[1].plot(motion.velocity, **style)
     for start, row in zip(starts, panels, strict=False):
         for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
@@ -123,11 +126,12 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_ylim(-reach, reach)
     for axes in panels[-1]:
         axes.set_xlabel("step")
-    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], NARROW)
+    add_legend(figure, panels[0, 0], list(lines.values()), list(lines), NARROW)
     first = motions[0]
     spring = "" if first.law == "linear" else f", {first.law} spring"
+    ratios = ", ".join(f"{ratio:g}" for ratio in dampings)
     title = (
-        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}{spring}, "
+        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {ratios}{spring}, "
         "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
@@ -135,15 +139,15 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     return figure
 
 
-def order_picture(measured: Sequence[ObservedOrder], name: str = "") -> Figure:
+def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int = 0) -> Figure:
     """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
 
-    The title begins with a `name`, if there is one.
+    The title begins with a `name`, if there is one; lines of the last `thin` methods are thin.
     """
     first = measured[0]
     has_ratio = not math.isnan(first.frequency_ratio)
     several = len({order.frequency_ratio for order in measured}) > 1
-    figure = _draw_orders(measured) if several and has_ratio else _draw_order_chart(measured)
+    figure = _draw_orders(measured, thin) if several and has_ratio else _draw_order_chart(measured)
     # What all have in common stands in the title.
     loads = {
         "free": "free vibration",
@@ -209,12 +213,13 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     axes.legend(loc="best")
 
 
-def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str) -> Figure:
-    """One quantity of stability over dt/T: `spectral_radius`, `period_error` or `numerical_damping`."""
+def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0) -> Figure:
+    """One quantity of stability over dt/T: `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`;
+    the last `thin` lines are thin."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     axes = figure.subplots()
     lines = []
-    for curve, style in zip(curves, _curve_styles(curves), strict=True):
+    for curve, style in zip(curves, _thinned(_curve_styles(curves), thin), strict=True):
         values = getattr(curve, quantity)
         if quantity == "spectral_radius":
             lines += _plot(axes, curve.dt_over_t, np.minimum(values, _FAR_ABOVE), style)
@@ -232,6 +237,12 @@ def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str
 
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
+
+
+def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
+    """The styles, the last so many of thin lines without marks."""
+    first = len(styles) - count
+    return [*styles[:first], *({**style, "linewidth": _THIN, "marker": None} for style in styles[first:])]
 
 
 def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
@@ -267,14 +278,15 @@ def _frame_accuracy(axes: Any, quantity: str) -> None:
     axes.set(xlabel="dt / T", ylabel=name)
 
 
-def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
+def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     """Observed order, and the error at the finest step, over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
     short = short_labels(methods)
     lines = []
-    for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
+    styles = _thinned(line_styles(methods, [0.0] * len(methods)), thin)
+    for method, style in zip(methods, styles, strict=True):
         orders = [order for order in measured if order.method == method]
         ratios = np.array([order.frequency_ratio for order in orders])
         lines += _plot(upper, ratios, np.array([order.order("displacement") for order in orders]), style)
@@ -284,7 +296,7 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     bottom, top = upper.get_ylim()
     upper.set_ylim(min(bottom, 0.5), max(top, 4.5))
     lower.set(ylabel="relative error at the finest step", yscale="log", xscale="log")
-    lower.set_xlabel("frequency of the load over natural frequency")
+    lower.set_xlabel("ω₀ / ω, frequency of the load over natural frequency")
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())

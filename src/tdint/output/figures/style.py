@@ -416,8 +416,15 @@ def add_title(figure: Figure, title: str) -> None:
     on in another one, as far as that."""
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
-    lines = (part for line in told for part in wrap(line, room, break_on_hyphens=False))
+    lines = (part for line in told for part in _evenly(line, room))
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
+
+
+def _evenly(line: str, room: int) -> list[str]:
+    """A line in as few lines of at most so many letters as it takes, as even as they come: no word is left alone."""
+    few = len(wrap(line, room, break_on_hyphens=False))
+    parts = (wrap(line, width, break_on_hyphens=False) for width in range(max(len(line) // max(few, 1), 1), room + 1))
+    return next(lines for lines in parts if len(lines) <= few)
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:

@@ -81,6 +81,7 @@ STABILITY = (
         "numerical_damping", "1", "numerical_damping", "damping ratio of the numerical oscillation less the exact one"
     ),
     Column("amplitude_decay", "1", "amplitude_decay", "part of the amplitude that the method takes in one cycle"),
+    Column("spurious_radius", "1", "spurious_radius", "largest modulus of eigenvalues beside the principal pair"),
 )
 OVERSHOOT = (
     METHOD_SPEC,
