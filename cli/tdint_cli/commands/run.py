@@ -112,7 +112,7 @@ def command(request: Request) -> None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.given import model_record
+    from tdint.analysis.given import model_record, number_of
     from tdint.analysis.run.outcome import FailedRun
     from tdint.analysis.run.prepared import begin_at_once
     from tdint.analysis.run.run import prepare
@@ -141,7 +141,8 @@ def _run(request: Request) -> None:
     inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
     if not (shocks or request.tolerance or request.until_rest):
-        steps = case.steps(request.dt, request.duration).count
+        dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
+        steps = case.steps(dt, duration).count
         if request.history:
             _check_room(request, len(model.stories), steps)
         # The errors take a second run, of half the step.
