@@ -242,7 +242,6 @@ def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("run", "shaken.yaml", "--limit", "2%"), "the mean over several records"),
         (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require"), "--limit"),
         (("campaign", "study.yaml", "-o", "out", "--baseline", "shakn"), "shaken"),
         (("campaign", "study.yaml", "-o", "out", "--limit", "3"), "the number of runs is --max-runs 3"),

@@ -116,8 +116,7 @@ class IdaRequest(RecordsRequest):
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
         is_flag=True,
-        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
-        "corrected_<name>.",
+        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
     )
     output: str | None = options.output.output(
         "DIR",
@@ -253,6 +252,7 @@ def _folder(request: IdaRequest) -> Path | None:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
+    from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
     files: dict[Path, Content] = {}
@@ -264,6 +264,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         said = {
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
+            "method_parameters": resolved(study.method),
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
             **asdict(settings),

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint import system
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_room, is_folder, write_files
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
+from tdint_cli.campaigns import kept_words
 from tdint_cli.commands.many_runs import (
     ALL_FILES,
     MODES,
@@ -113,6 +114,7 @@ def command(request: Request) -> None:
 def _run(request: Request) -> None:
     began = time.perf_counter()
     from tdint.analysis.given import model_record, number_of
+    from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.outcome import FailedRun
     from tdint.analysis.run.prepared import begin_at_once
     from tdint.analysis.run.run import prepare
@@ -145,8 +147,10 @@ def _run(request: Request) -> None:
         steps = case.steps(dt, duration).count
         if request.history:
             _check_room(request, len(model.stories), steps)
-        # The errors take a second run, of half the step.
-        begin_at_once(case.prepared, case.method, steps if request.check is False else 3 * steps)
+        methods, count = [case.method], steps
+        if request.check is not False:  # a second run, of half the step
+            methods, count = [case.method, reference(case).method], 3 * steps
+        begin_at_once(case.prepared, methods, count)
     try:
         response = _respond(case, shocks, request)
         record = response.record
@@ -162,13 +166,40 @@ def _run(request: Request) -> None:
         )
         _write(request, {}, content)
         raise
+    judged = _judged(response, request.limit)
     emit_table(_stories(request, response))
     _write(request, *_files(request, response, case, inputs, began))
     say(_paragraph(response, request.units_shown))
+    if judged:
+        say(judged[1])
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
     warn(*response.warnings)
     _remark(record, response.notes)
+    if judged and request.require and not judged[0]:
+        raise AnalysisError(f"the drift limit is not met: {judged[1]}")
+
+
+def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
+    """Whether the largest drift ratio of a run keeps a limit, and the sentence on it; None where there is none.
+
+    Raises
+    ------
+    UsageError
+        The building has no story with a height.
+    """
+    from tdint.analysis.run.demands import demands
+
+    if limit is None:
+        return None
+    largest = demands(response.stories).drift_ratio
+    if largest.place is None:
+        raise UsageError("--limit: a limit of drift ratios needs story heights, and the model gives none")
+    kept = bool(largest.value <= limit) and not response.collapse
+    words = "within" if kept else "beyond"
+    words += f", status {response.status}" if response.collapse else ""
+    drift = f"{100.0 * largest.value:.3g} % (story {largest.place})"
+    return kept, f"Largest drift {drift}, limit {100.0 * limit:g} %: {words}."
 
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
@@ -184,12 +215,8 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     if shocks:
         from tdint.analysis.run.sequence import run_sequence
 
-        # The errors of each shock alone take repetitions: only of one who asked for them.
-        settings["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **settings)
-    # A history, which a picture draws, has rows that are equally far from each other.
-    equal = bool(request.history_file or request.picture_file or request.report)
-    return run_case(case, duration=request.duration, equal=equal, **settings)
+    return run_case(case, duration=request.duration, **settings)
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -243,21 +270,28 @@ def _files(
     first = first_mode(case.building, response.record)
     content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
     if request.report:
-        from tdint.output.report import Told, run_page
+        from tdint.output.page import Told, page_units
+        from tdint.output.report import run_page
 
         model = response.model
+        page = page_units(model.page_units)
+        # What was judged; without a limit the largest demands.
+        verdict: tuple[bool | None, str] = (None, f"Largest {_largest(model, response.stories, page, page=True)}.")
+        if judged := _judged(response, request.limit):
+            verdict = (judged[0], kept_words(judged[0]) + judged[1])
         # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
         warnings = [_collapsed(response, response.collapse)] if response.collapse else []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
         told = Told(
-            said=_paragraph(response, model.page_units, page=True).splitlines(),
+            said=_paragraph(response, page, page=True).splitlines(),
+            verdict=[verdict],
             warnings=[*warnings, *response.warnings],
             head=request.report_head or model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),
         )
         floors = request.of_floors.of_run(response)
-        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=model.page_units)
+        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=page)
     return files, content
 
 
@@ -307,10 +341,9 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
     cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
-    steps = f"{response.dt:.6g}" if response.step_range is None else "{:.6g} to {:.6g}".format(*response.step_range)
     lines = [
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
-        f"{response.method}: {how_many(response.steps, 'step')} of {steps} s, "
+        f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Largest {_largest(response.model, response.stories, units, page)}.",
     ]
@@ -329,18 +362,19 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     # How far the peaks are off, as it is estimated
     if (check := response.check) and check.drift_error is not None:
-        runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
-        several = "runs" if len(check.dts) > 1 else "a run"
-        source = f"from {several} with dt {runs} s" if runs else "carried along in the run"
         if check.choice is not None:
             lines.append(_chosen(response, check.choice))
+        method, several = check.method.partition(":")[0], len(check.dts) > 1
+        dts = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
             f"{source}."
         )
-        if check.corrected is not None and check.drift_left is not None:
-            rest = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
-            lines.append(f"Corrected by it{rest}: largest {_largest(response.model, check.corrected, units, page)}.")
+        # Only where it differs in the digits that are told
+        nearer = check.corrected and _largest(response.model, check.corrected, units, page)
+        if nearer and nearer != _largest(response.model, response.stories, units, page):
+            lines.append(f"In that run: largest {nearer}.")
     return "\n".join(lines)
 
 
@@ -383,12 +417,6 @@ def _damage(response: Response, units: OutputUnits) -> str:
 
 def _chosen(response: Response, choice: StepChoice) -> str:
     """The step that was chosen, and what it costs."""
-    if response.step_range is not None:
-        runs = "in one run" if choice.runs == 1 else f"in the last of {choice.runs} runs"
-        return (
-            f"Steps chosen on the way for peak drifts within {100.0 * choice.tolerance:g} %, {runs}: "
-            f"{response.dt:.3g} s on average.\nIt takes {response.iterations} solves."
-        )
     line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:

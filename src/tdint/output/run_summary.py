@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
+from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
@@ -25,8 +26,7 @@ MEANINGS = {
     "story": ("1", "story of the failure or collapse, from 1 at the ground"),
     "residual": ("1", "forces out of balance over the story's forces"),
     "largest_stable_dt_s": ("s", "largest stable time step"),
-    "dt_s": ("s", "time step, the mean of those chosen on the way; of a record its sampling interval"),
-    "step_range_s": ("s", "shortest and longest step, where they were chosen on the way"),
+    "dt_s": ("s", "time step; of a record its sampling interval"),
     "steps": ("1", "time steps"),
     "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
     "iterations": ("1", "solves of the equations"),
@@ -48,7 +48,7 @@ MEANINGS = {
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
     "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
     "error": ("1", "imbalance of the energies over the largest input energy"),
-    "dts_s": ("s", "time steps of the repetitions that the errors come from; none where the run carried them along"),
+    "dts_s": ("s", "time step of the run that the errors come from; of a tolerance those of the pair"),
     "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
     "drift_error_story": ("1", "its story"),
     "tolerance": ("1", "what drift_error was asked to stay below"),
@@ -108,8 +108,8 @@ def run_summary(
         "status": response.status,
         "name": response.model.name,
         "method": response.method,
+        "method_parameters": resolved(response.method),
         "dt_s": response.dt,
-        **({"step_range_s": list(response.step_range)} if response.step_range else {}),
         "steps": response.steps,
         "duration_s": response.steps * response.dt,
         "iterations": response.iterations,
@@ -161,6 +161,7 @@ def failure_summary(
         "largest_stable_dt_s": failure.largest_stable_dt,
         "name": model.name,
         "method": failure.method,
+        "method_parameters": resolved(failure.method) if failure.method else {},
         "dt_s": failure.dt,
         "wall_time_s": wall_time,
         "building": _building(model, first),
@@ -189,8 +190,9 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
-    # Settings are as they were given, and mean what the help says.
-    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
+    # Settings are as they were given, and mean what the help says; parameters what the method's paper says.
+    apart = ("settings", "method_parameters")
+    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key not in apart}))
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 
@@ -257,6 +259,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         return None
     choice = check.choice
     return {
+        "method": check.method,
         "dts_s": list(check.dts),
         "drift_error": check.drift_error,
         "drift_error_story": check.drift_story,
@@ -266,7 +269,6 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
-        "corrected_errors": peak_errors(check.corrected, check.left) if check.corrected and check.left else None,
     }
 
 
