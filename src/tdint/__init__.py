@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
     from tdint.campaign.ida import ida as ida
     from tdint.campaign.scaling import scale as scale
+    from tdint.campaign.selection import select as select
     from tdint.campaign.sensitivity import sensitivity as sensitivity
     from tdint.errors import TdintError as TdintError
     from tdint.ground_motion.choice import TextLayout as TextLayout
@@ -139,6 +140,7 @@ _NAMES = {
     "campaign.fragility.fits": "fit_capacities fit_cloud fit_stripes",
     "campaign.ida": "ida",
     "campaign.scaling": "scale",
+    "campaign.selection": "select",
     "campaign.sensitivity": "sensitivity",
     "errors": "TdintError",
     "ground_motion.choice": "TextLayout",

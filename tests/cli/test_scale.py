@@ -212,3 +212,20 @@ def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
     Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
     assert said in tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr
+
+
+def test_motions_are_selected(folder, tdint):
+    """The best of three, told with what was left out; the table is that of `scale`; at most one of an earthquake."""
+    (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
+    words = ("scale", "motion.mseed", "other.mseed", *UNITS, *TARGET, "--range", "0.3:2", "--select", 2)
+    result = tdint(*words, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0)
+    assert "Selected from 3: the mean of ln Sa is off the target by" in result.stderr
+    table = rows(folder / "chosen.csv")
+    assert [row["record"] for row in table] == ["motion.mseed", "other.mseed"]
+    settings = json.loads((folder / "chosen.json").read_text())["settings"]
+    assert len(settings["selected"]) == 2 and settings["left_out"]["duplicate"] == 0
+    assert (folder / "chosen.png").exists()
+    (folder / "scatter.csv").write_text("period_s,scatter\n0.1,0.2\n3,0.4\n")
+    tdint(*words[:-1], 3, "--scatter", "scatter.csv", "--factors", "0.001:1000", code=0)
+    tdint.refused("4 motions are asked for, 3 of 3 can be taken", *words[:-1], 4, code=2)
+    tdint.refused("nothing to act on without --select", "scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1, code=2)

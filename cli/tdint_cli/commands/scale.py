@@ -13,13 +13,17 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Number, PairWish, intensity, span_at
+from tdint_cli.options.grammar import FileName, Number, PairWish, intensity, span, span_at
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tdint.analysis.spectra.target import TargetSpectrum
+    from tdint.arrays import Array
     from tdint.campaign.scaling import Scaling
     from tdint.units import OutputUnits, Units
     from tdint.written_numbers import Grid
@@ -68,6 +72,39 @@ class ScaleRequest(RecordsRequest):
         metavar="FACTOR",
         common=True,
         help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
+    )
+    select: int | None = options.option(
+        needs="--target",
+        type=click.IntRange(1),
+        metavar="COUNT",
+        common=True,
+        help="Choose so many of the motions, whose scaled spectra fit the target together: the mean of ln Sa, and "
+        "--scatter; --rule acts on those chosen.",
+    )
+    factors: tuple[float, float] | None = options.option(
+        needs="--select",
+        type=span,
+        metavar="LOW:HIGH",
+        help="The least and the largest factor of --select, 0.25:4 by default; a motion that needs a farther one has "
+        "the limit.",
+    )
+    per_event: int | None = options.option(
+        needs="--select",
+        type=click.IntRange(1),
+        metavar="COUNT",
+        help="At most so many motions of one earthquake: by --events, or motions that begin within ten minutes.",
+    )
+    events: str | None = options.option(
+        needs="--per-event",
+        type=FileName(),
+        metavar="FILE",
+        help="The earthquake of each record: a CSV file with the columns record (the file's name) and event.",
+    )
+    scatter: str | None = options.option(
+        needs="--select",
+        metavar="0.35|FILE",
+        help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the columns period_s and "
+        "scatter.",
     )
     sa: Units | None = options.option(
         type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa at the period --at: 0.6g."
@@ -269,11 +306,57 @@ def _aim(request: ScaleRequest) -> Any:
             f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "
             f"{100.0 * request.damping:g} %; say the same by --damping"
         )
+    if request.select is not None:
+        return _selecting(request, target, periods)
     if request.rule == "asce7":
         return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
     pair = request.pair
     scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
     return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
+
+
+def _selecting(request: ScaleRequest, target: TargetSpectrum, periods: Array) -> Callable[[Any], Scaling]:
+    """What chooses from the motions; tables of events and of the scatter are read before."""
+    import numpy as np
+
+    from tdint.campaign.scaling import BOUNDS
+    from tdint.campaign.selection import begin_together, select
+    from tdint.csv_table import read_table
+    from tdint.ground_motion.reading.suites import components
+
+    # The scatter asked for: a number, or a table over the periods
+    scatter: Any = None
+    if request.scatter is not None:
+        try:
+            scatter = float(request.scatter)
+        except ValueError:
+            table = read_table(request.scatter, "--scatter takes a number, or a CSV file of period_s and scatter")
+            table.need("period_s", "scatter")
+            of_periods = np.array([table.numbers("period_s", positive=True), table.numbers("scatter")])
+            scatter = np.interp(np.log(periods), np.log(of_periods[0]), of_periods[1])
+    of_record: dict[str, str] | None = None
+    if request.events is not None:
+        table = read_table(request.events, "events are a CSV file with the columns record and event")
+        table.need("record", "event")
+        of_record = dict(zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True))
+
+    def choose(motions: Any) -> Scaling:
+        """The choice; a motion that no event is known of is of one of its own."""
+        events: Sequence[object] | None = None
+        if of_record is not None:
+            records = [components(motion)[0] for motion in motions]
+            names = [(record.source, Path(record.source).name, Path(record.source).stem) for record in records]
+            events = [
+                next(filter(None, map(of_record.get, given)), f"{given[0]}: {i}") for i, given in enumerate(names)
+            ]
+        elif request.per_event is not None:
+            events = begin_together(motions)
+        wishes: dict[str, Any] = {"rule": request.rule or "mean", "damping": request.damping, "pair": request.pair}
+        limits = request.factors or BOUNDS
+        wishes |= {"factors": limits, "events": events, "per_event": request.per_event, "scatter": scatter}
+        return select(motions, target, request.select or 1, periods=periods, **wishes)
+
+    return choose
 
 
 def _doubts(scaling: Scaling) -> list[str]:
@@ -308,6 +391,7 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         "damping": scaling.damping,
         "pairs": scaling.pair if request.pair_wish else None,
         "least_average_over_target": scaling.least[0] if scaling.least else None,
+        **({"selected": list(scaling.chosen), "left_out": scaling.left_out} if scaling.chosen else {}),
     }
 
 
@@ -327,6 +411,14 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     if scaling.target is not None and scaling.periods is not None:
         text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
     text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
+    if scaling.chosen and scaling.target is not None and scaling.periods is not None and scaling.rest is not None:
+        off = np.mean(np.log(scaling.spectra(scaling.periods)), axis=0) - np.log(scaling.target.at(scaling.periods))
+        reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
+        text += (
+            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off the target by "
+            f"{100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
+            + (f"Not taken: {reasons}." if reasons else "None was left out.")
+        )
     if scaling.least is not None:
         part, period = scaling.least
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,6 +78,12 @@ class Scaling(Tabular):
         Where the target was compared, s; none without a target.
     least : tuple of two floats or None
         Of the rules asce7 and ec8: the least average over the target, and its period, s.
+    chosen : tuple of int
+        Of a selection the places of the motions among those that it was made from (`tdint.select`).
+    left_out : mapping of str to int
+        Of a selection how many motions were not taken, by the reason.
+    rest : ndarray, shape (m, k), or None
+        Of a selection the scaled spectra of the others at `periods`, m/s^2.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -90,6 +96,9 @@ class Scaling(Tabular):
     target: TargetSpectrum | None = None
     periods: Array | None = None
     least: tuple[float, float] | None = None
+    chosen: tuple[int, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
+    rest: Array | None = None
 
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)
@@ -161,13 +170,18 @@ def scale_to_target(
 
 
 def scale_asce7(
-    pairs: Sequence[GroundMotion], target: TargetSpectrum, periods: Array, *, damping: float = SA_DAMPING
+    pairs: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = MAXIMUM_DIRECTION,
 ) -> Scaling:
     """Scale pairs as ASCE 7-16 asks (16.2.3.2): the average of maximum-direction spectra is nowhere in the range below
     90 % of the target.
 
     Each pair is fitted to the target by `scale_to_target`; where the average then falls below 90 % of it, all are
-    raised by one more factor, so that it just does not.
+    raised by one more factor, so that it just does not. What stands for a pair the rule says, whatever `pair` is.
 
     Raises
     ------
@@ -337,10 +351,7 @@ def scale(
         spectrum = read_target(target) if isinstance(target, str) else target
         ends = float(spectrum.periods[0]), float(spectrum.periods[-1])
         places = np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
-        if rule not in _RULES:
-            raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
-        pairs = {} if rule == "asce7" else {"pair": pair}  # that has a pair of its own
-        return _RULES[rule](suite, spectrum, places, damping=damping, **pairs)
+        return by_rule(rule)(suite, spectrum, places, damping=damping, pair=pair)
     if rule == "p695":
         of = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
         if chosen is not None and (len(of) != 1 or of == (0.0,)):
@@ -353,6 +364,19 @@ def scale(
 
 _PLACES = 100  # periods of a comparison: 30 or more a decade
 _RULES: dict[str, Callable[..., Scaling]] = {"mean": scale_to_target, "asce7": scale_asce7, "ec8": scale_ec8}
+
+
+def by_rule(rule: str) -> Callable[..., Scaling]:
+    """What scales motions to a target by a rule: (motions, target, periods, damping=, pair=) -> Scaling.
+
+    Raises
+    ------
+    UsageError
+        There is no such rule.
+    """
+    if rule not in _RULES:
+        raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
+    return _RULES[rule]
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:

@@ -119,7 +119,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
         value = f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} {units.label(unit)}"
     ways = {
         "value": f"scaled to {value}",
-        "mean": f"scaled to {target}, least squares of ln Sa",
+        "mean": f"{'selected and ' if scaling.chosen else ''}scaled to {target}, least squares of ln Sa",
         "asce7": f"scaled to {target} by ASCE 7",
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
@@ -158,6 +158,10 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     else:
         spectra = units.of(scaling.spectra(periods), "m/s^2")
     several = len(spectra) > 1
+    if scaling.rest is not None and scaling.periods is not None and len(scaling.rest):
+        others = {"color": "0.8", "linewidth": 0.4}
+        axes.plot(scaling.periods, units.of(scaling.rest, "m/s^2").T, zorder=0.5, **others)
+        axes.plot([], [], label=f"{how_many(len(scaling.rest), quantity)} not selected", **others)
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
     axes.plot([], [], label=how_many(len(spectra), quantity), **look)
