@@ -58,11 +58,12 @@ def test_other_sizes_of_differences_agree(method):
             off = np.abs(found - wanted) / np.max(np.abs(wanted))
             # Some stories are at kinks. Methods that locate no yielding have one wherever the end of a step begins to
             # yield: small of drifts, large of accelerations.
-            room = {"peak_acceleration": 0.1, "peak_velocity": 1e-2}.get(peak, 1e-4)
+            room = {"peak_acceleration": 0.1, "peak_drift": 1e-4}.get(peak, 1e-2)
             assert np.median(off) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
         wanted = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
         found = response.gradient.history["drift"][number]
-        np.testing.assert_allclose(found, wanted, atol=1e-3 * np.max(np.abs(wanted)))
+        room = 1e-3 if method == "impulse4" else 0.05
+        np.testing.assert_allclose(found, wanted, atol=room * np.max(np.abs(wanted)))
     runs = tdint.run_many(building, [RECORD, RECORD], method=method, scales=[0.5, 1.0], gradient=NAMES)
     assert runs.gradient.peak_drift.shape == (4, len(NAMES), 10)
     np.testing.assert_array_equal(runs.gradient.peak_drift[3], response.gradient.peak_drift)

@@ -29,7 +29,6 @@ from tdint.analysis.chart.work_precision import (
     Point,
     Progress,
     Timing,
-    line_of,
     performance_ratios,
     silent,
     suited,
@@ -323,7 +322,7 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
     points: list[Point] = []
     for dt in dts:
         steps = posed.steps(dt)
-        bare = Point(integrator.label, steps.h, steps.count, DONE, line=line_of(integrator))
+        bare = Point(integrator.label, steps.h, steps.count, DONE, line=integrator.label)
         try:
             response = posed.case(integrator).march(steps)
         except FailedRun as failure:
@@ -376,7 +375,7 @@ def chart_many(
     records: AnyRecord | Sequence[AnyRecord] = (),
     *,
     problems: str | Path | None = None,
-    methods: str | Iterable[str] = METHODS,
+    method: str | Iterable[str] = METHODS,
     repeats: int = _REPEATS,
     peers: bool = False,
     progress: Progress = silent,
@@ -390,7 +389,7 @@ def chart_many(
         its model.
     problems : str or Path, optional
         In their place `standard` (twelve buildings, three records each), or a YAML file of problems.
-    methods : str or iterable of str
+    method : str or iterable of str
         Specifications; those for linear buildings are given these only.
     repeats : int
         How often a step is timed that may be the cheapest for a tolerance.
@@ -419,7 +418,7 @@ def chart_many(
         given = crossed(models, records)
     else:
         raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
-    return measure_all(given, chosen(methods), repeats=repeats, peers=peers, progress=progress)
+    return measure_all(given, chosen(method), repeats=repeats, peers=peers, progress=progress)
 
 
 def measure_all(

@@ -23,7 +23,7 @@ from tdint.analysis.chart.problem import (
     pose,
     reached,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
@@ -86,8 +86,8 @@ class Point:
     Attributes
     ----------
     method, line : str
-        The method with its parameters; the line of the chart that the point belongs to: the same, without parameters
-        that have their defaults.
+        The method with its parameters; the line of the chart that the point belongs to: the same
+        but for what chooses its steps by a tolerance.
     dt : float
         Time step, s; nan for a method that chooses its own.
     steps, iterations : int
@@ -346,7 +346,7 @@ def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float],
 
 def _within(problem: Problem, reference: Reference, integrator: Integrator, tolerance: float, repeats: int) -> Point:
     """One method with one tolerance; the first run compiles and is not timed."""
-    line = f"{line_of(integrator)} by tolerance"
+    line = f"{integrator.label} by tolerance"
     point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
     try:
         response = problem.within(integrator, tolerance)
@@ -367,8 +367,8 @@ def chart(
     model: AnyModel,
     record: AnyRecord | None = None,
     *,
-    methods: str | Iterable[str] = DEFAULT_METHODS,
-    dts: Sequence[float] = (),
+    method: str | Iterable[str] = DEFAULT_METHODS,
+    dt: float | Sequence[float] = (),
     duration: float | None = None,
     repeats: int = 5,
     tolerances: Sequence[float | str] = (),
@@ -381,9 +381,9 @@ def chart(
     ----------
     model, record : optional
         What `run` takes.
-    methods : str or iterable of str
+    method : str or iterable of str
         Specifications; those for linear buildings are left out of a nonlinear one.
-    dts : sequence of float
+    dt : float or sequence of float
         Steps, s; by default from eight sampling intervals down (`default_steps`).
     duration : float, optional
         In place of the model's, else the record's, s.
@@ -408,9 +408,10 @@ def chart(
     AnalysisError
         Nothing moves the building; the reference cannot be had.
     """
-    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=tuple(dts))
-    integrators = suited(problem, chosen(methods))
-    steps = tuple(dts) or default_steps(problem, len(integrators), repeats)
+    dts = tuple(numbers_of(dt, "dt").tolist())
+    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=dts)
+    integrators = suited(problem, chosen(method))
+    steps = dts or default_steps(problem, len(integrators), repeats)
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
     with told_progress(progress, 100, "%") as told:
@@ -446,7 +447,7 @@ def _timed(
     for integrator, steps in pairs:
         advance("errors", steps)
         outcome = problem.outcome(integrator, steps)
-        point = Point(integrator.label, steps.h, steps.count, outcome, line=line_of(integrator))
+        point = Point(integrator.label, steps.h, steps.count, outcome, line=integrator.label)
         if outcome in (DONE, *FALLEN):
             march = problem.march(integrator, steps, keep=True)
             if march.motion is not None:
@@ -466,12 +467,6 @@ def _timed(
         if turn >= repeats and verdict == before:
             break
     return points
-
-
-def line_of(integrator: Integrator) -> str:
-    """A short name of a method: its label, or its name alone where all parameters have their defaults."""
-    name = integrator.method.name
-    return name if parse(name) == integrator else integrator.label
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
