@@ -199,11 +199,11 @@ BUDGET = {
     "cli": (43, 6600),
     "output": (26, 6500),
     "campaign": (25, 6150),
-    "analysis": (41, 7350),
+    "analysis": (41, 7400),
     "methods": (12, 1750),
     "model": (21, 3600),
     "ground_motion": (34, 4250),
-    "kernels": (54, 6850),
+    "kernels": (54, 6900),
     "ground": (12, 1600),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

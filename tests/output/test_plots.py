@@ -146,7 +146,7 @@ def test_a_legend_of_long_names_is_within_its_figure():
 def test_a_title_is_no_wider_than_its_figure():
     """Names of records make it long; nothing of it is lost."""
     figure = Figure(figsize=(7.2, 3.0))
-    what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4:rho_inf=1.0, 5 % damping of Sa"
+    what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
     add_title(figure, f"imk\n{what}")
     assert figure.get_suptitle().split() == ["imk", *what.split()]
     figure.draw_without_rendering()

@@ -105,9 +105,9 @@ def test_method_table_lists_the_catalogue():
     central = by_name["central-difference"]
     assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == ("false", "2", "")
     newmark = by_name["newmark"]
-    assert newmark["parameters"] == "beta=0.25 in [0, 1]; gamma=0.5 in [0.5, 1]"
+    assert newmark["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
     assert (newmark["order"], newmark["implicit"], newmark["stability_limit"]) == ("2", "true", "none")
-    assert by_name["collocation"]["parameters"].endswith("in [1, 10], computed")
+    assert by_name["collocation"]["parameters"].endswith("in [1 to 10] computed")
     assert all(row["source"] for row in by_name.values())
 
 

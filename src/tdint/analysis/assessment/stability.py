@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array, halved
@@ -21,6 +22,7 @@ from tdint.model.building import assemble, oscillators
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
+_MOST_STEPS = 1e6  # of an overshoot: it is seen in the first ten
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
 _REAL = 1e-9  # imaginary part of a root that is real but for rounding
 _APART = 1.08  # ratio of neighboring steps at which roots are not mistaken for each other
@@ -97,7 +99,10 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
         A step of the oscillator fails.
     """
     method = _checked(method, damping)
-    dt_over_t = np.asarray(dt_over_t, dtype=np.float64)
+    dt_over_t = numbers_of(dt_over_t, "dt_over_t")
+    rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
+    if not (rises and np.isfinite(dt_over_t).all()):
+        raise UsageError("dt_over_t must be positive numbers that rise")
     # Roots are followed from a small step on, with steps in between where those that are asked for lie far apart.
     ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
     counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
@@ -131,8 +136,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
 
 def _checked(method: Integrator | str, damping: float) -> Integrator:
     """The method; UsageError for an unknown one, and for a damping ratio that is none."""
-    if not 0.0 <= damping < math.inf:
-        raise UsageError(f"a damping ratio is a number from 0 on, got {damping!r:.60}")
+    between(damping, "a damping ratio")
     return parse(method) if isinstance(method, str) else method
 
 
@@ -310,6 +314,7 @@ def overshoot(
         raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:
         raise UsageError(f"the law of an oscillator is one of {', '.join(LAWS)}, got {law!r:.60}")
+    dt_over_t, steps = between(dt_over_t, "dt_over_t", above=True), int(between(steps, "steps", 1.0, _MOST_STEPS))
     if law != "linear":
         return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t
