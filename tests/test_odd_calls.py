@@ -50,7 +50,9 @@ CALLS = {
     "a cloud lighter than nan": lambda: fit_cloud(*CLOUD, lightest=math.nan),
     "a cloud lighter than a text": lambda: fit_cloud(*CLOUD, lightest="x"),
     **{f"fragility of {b}": lambda b=b: tdint.fragility("x.csv", beta_model=b) for b in ("x", -1, math.nan)},
-    "masked numbers": lambda: tdint.run_many(STORY, None, vary={"damping": np.ma.array([0.1, 0.2], mask=[True, False])}),
+    "masked numbers": lambda: tdint.run_many(
+        STORY, None, vary={"damping": np.ma.array([0.1, 0.2], mask=[True, False])}
+    ),
     "a number beyond floats": lambda: tdint.load_model(STORY).replace(damping=10**400),
     "a folder that can be none": lambda: refuse_network(Path("\0")),
 }
