@@ -32,7 +32,7 @@ from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 
 LOADS = ("free", "harmonic", "record")
 
@@ -129,6 +129,7 @@ class OrderProblem:
         return self.prepared.building
 
 
+@each_of
 def order(
     method: Integrator | str,
     *,
@@ -142,7 +143,7 @@ def order(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification.
+        The method, or its specification; of a list or tuple there are `Several` results.
     load, law, frequency_ratio, stride
         The oscillator and its load, as `order_problem` has them.
 

@@ -19,7 +19,7 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, oscillators
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 from tdint.written_numbers import how_many
 
 _MOST_STEPS = 1e6  # of an overshoot: it is seen in the first ten
@@ -74,13 +74,14 @@ class StabilityCurve(Tabular):
         return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
 
 
+@each_of
 def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
     """Measure how a method follows an oscillator that vibrates freely, from its amplification matrix.
 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification.
+        The method, or its specification; of a list or tuple there are `Several` results.
     dt_over_t : ndarray, shape (k,)
         Steps over the undamped period, rising.
     damping : float
@@ -270,6 +271,7 @@ class Overshoot(Tabular):
         return {name for (name, power), bound in zip(powers.items(), bounds, strict=True) if power > bound + _LARGER}
 
 
+@each_of
 def overshoot(
     method: Integrator | str,
     start: str = "displacement",
@@ -286,7 +288,7 @@ def overshoot(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its name.
+        The method, or its name; of a list or tuple there are `Several` results.
     start : str
         A key of `STARTS`.
     dt_over_t : float
