@@ -237,6 +237,8 @@ def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
     tdint(*campaign, code=0)
     assert not Path("out/profiles.csv").exists()
     assert "outputs: {profiles: true}" in tdint(*campaign, "--plot", code=5).stderr
+    new = tdint("campaign", "study.yaml", "-o", "new", "--plot", code=5)  # known before the runs
+    assert "outputs: {profiles: true}" in new.stderr and not Path("new").exists()
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
+from tdint.analysis.given import between
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, find_instability, shifts
+from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError, UsageError
@@ -31,7 +32,7 @@ from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 
 LOADS = ("free", "harmonic", "record")
 
@@ -128,6 +129,7 @@ class OrderProblem:
         return self.prepared.building
 
 
+@each_of
 def order(
     method: Integrator | str,
     *,
@@ -141,7 +143,7 @@ def order(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification.
+        The method, or its specification; of a list or tuple there are `Several` results.
     load, law, frequency_ratio, stride
         The oscillator and its load, as `order_problem` has them.
 
@@ -182,16 +184,17 @@ def order_problem(
     Raises
     ------
     UsageError
-        An unknown load or law, a stride that is none or without a record.
+        An unknown load or law, a frequency ratio out of range, a stride that is none or without a record.
     """
-    if stride < 1 or stride & (stride - 1):
+    if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(f"the stride is a power of 2, so that halved steps are whole samples, got {stride}")
     if stride > 1 and load != "record":
         raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
     if load not in LOADS or law not in STORY_LAWS:
         names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
-    ratio = frequency_ratio if load == "harmonic" else math.nan
+    # With 10 there are five coarsest steps to a period of the load.
+    ratio = between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
     building = assemble(simple_model("oscillator", [story]))
@@ -347,6 +350,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
         then compiled.
     """
     yielding: dict[str, str] = {}
+    LOOKED_AT.add(integrator.family.step)  # here, with more than a fault to tell
     try:
         _plain_march("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
@@ -372,6 +376,16 @@ def check_method(integrator: Integrator) -> MethodCheck:
         faults.append(f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}")
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
+
+
+def faults_of_step(integrator: Integrator) -> list[str]:
+    """What is wrong with a method's step as plain Python shows it: rows beyond those declared, stories that yield, of
+    one law alone, for it is waited for (3 s)."""
+    try:
+        _plain_march("linear", integrator, 1)
+        return [] if integrator.family.linear_only else list(_yielding_faults(integrator, ["bilinear"]).values())
+    except AnalysisError as error:
+        return [str(error)]
 
 
 def check_law(model: Model, story: int) -> list[str]:
@@ -530,10 +544,10 @@ def _true_motion(law: str) -> Array:
     return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
 
 
-def _yielding_faults(integrator: Integrator) -> dict[str, str]:
+def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
     """What a method does wrong where stories yield, a line by what it is: each for the law that shows it first."""
     label, faults = integrator.label, dict[str, str]()
-    for law in _YIELDING:
+    for law in laws:
         true = _true_motion(law)
         size = float(np.max(np.abs(true)))
         try:
