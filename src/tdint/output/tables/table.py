@@ -167,6 +167,11 @@ class Table:
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
 
+    def as_summary(self, key: str) -> dict[str, Any]:
+        """What a JSON file has of it: its rows under a key, and what their numbers mean."""
+        rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        return {key: rows, "meanings": dict(self.meanings)}
+
     def chosen(self, names: Iterable[str]) -> Table:
         """Some columns, by their names; what it has not is left out."""
         places = [self.columns.index(name) for name in names if name in self.columns]
