@@ -223,7 +223,8 @@ def a_value(parameter: click.Option) -> list[str]:
     kind = getattr(parameter.type, "item", parameter.type)
     if isinstance(kind, click.Choice):
         return [kind.choices[0]]
-    return ["0.3:3:9" if "FIRST:LAST" in (parameter.metavar or "") else "1"]
+    written = parameter.metavar or ""
+    return ["0.3:3:9" if "FIRST:LAST" in written else "1:2" if "LOW:HIGH" in written else "1"]
 
 
 @pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))

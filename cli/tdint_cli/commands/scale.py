@@ -78,8 +78,7 @@ class ScaleRequest(RecordsRequest):
         type=click.IntRange(1),
         metavar="COUNT",
         common=True,
-        help="Choose so many of the motions, whose scaled spectra fit the target together: the mean of ln Sa, and "
-        "--scatter; --rule acts on those chosen.",
+        help="Choose so many, whose scaled spectra fit the target together; --rule acts on them.",
     )
     factors: tuple[float, float] | None = options.option(
         needs="--select",
