@@ -199,7 +199,7 @@ BUDGET = {
     "cli": (43, 6700),
     "output": (26, 6550),
     "campaign": (25, 6150),
-    "analysis": (41, 7450),
+    "analysis": (41, 7500),
     "methods": (12, 1750),
     "model": (21, 3600),
     "ground_motion": (34, 4250),
