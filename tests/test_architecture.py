@@ -196,14 +196,14 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 
 BUDGET = {
-    "cli": (43, 6500),
-    "output": (25, 6250),
+    "cli": (43, 6600),
+    "output": (25, 6350),
     "campaign": (25, 6150),
-    "analysis": (40, 7500),
+    "analysis": (41, 7350),
     "methods": (12, 1750),
     "model": (21, 3600),
-    "ground_motion": (34, 4350),
-    "kernels": (61, 8240),
+    "ground_motion": (34, 4250),
+    "kernels": (54, 6850),
     "ground": (12, 1600),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

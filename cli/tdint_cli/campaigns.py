@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib.util import find_spec
@@ -367,6 +367,7 @@ def carry_out(
             for name in names:
                 remove(folder / name)
             store, remarks = open_store(folder, plan)
+        warn_of_motions(plan)
         note(*plan.notes, *remarks)
         if plan.far:
             many = (
@@ -394,6 +395,11 @@ def carry_out(
             unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])
+
+
+def warn_of_motions(plan: Plan) -> None:
+    """What was assumed of the motions and changes what their numbers mean."""
+    warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
@@ -475,10 +481,13 @@ def _rate(advance: Advance) -> str:
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, what is asked for
     over all motions, summary.json; and what was exported of an earlier state anew."""
+    from tdint.output.summary import files_read
+
     ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if profiles.store.is_ours(folder / name)]
     again = _exports(profiles, ours)
     written = {name: writer for name, writer in again.items() if writer}
-    _write(profiles, folder, {**_of_suite(profiles, folder, plan), **written}, list(current().arguments))
+    contents = {**_of_suite(profiles, folder, plan), **written}
+    _write(profiles, folder, contents, files_read(), {"arguments": current().arguments})
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -532,8 +541,9 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
     exported = {*PARQUET, *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
     # What is written of a store says how its runs were made, as the last call that could add some told it.
-    made = told_of(folder / SUMMARY).get("arguments", [])
-    _write(profiles, folder, {**_of_suite(profiles, folder), **others}, made)
+    before = told_of(folder / SUMMARY)
+    made = {"arguments": before.get("arguments", []), "export": list(current().arguments)}
+    _write(profiles, folder, {**_of_suite(profiles, folder), **others}, before.get("inputs", ()), made)
 
 
 def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
@@ -575,9 +585,16 @@ def _keeps_stories(store: Store) -> bool:
     return store.meta("setting stories") == "true"
 
 
-def _write(profiles: Profiles, folder: Path, contents: Mapping[str, Content], arguments: list[str]) -> None:
-    """Write the tables of a store, these contents and, last, the summary."""
-    from tdint.output.summary import campaign_summary, in_units, json_bytes
+def _write(
+    profiles: Profiles,
+    folder: Path,
+    contents: Mapping[str, Content],
+    read: Iterable[Mapping[str, str]],
+    lines: Mapping[str, Sequence[str]],
+) -> None:
+    """Write the tables of a store, these contents and, last, the summary, in which the files that were `read` stand and
+    the command lines: of the runs, and of the export that writes them now."""
+    from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
 
     request, store, units = profiles.request, profiles.store, profiles.units
     # runs.csv, unless the campaign chooses other tables alone
@@ -592,7 +609,9 @@ def _write(profiles: Profiles, folder: Path, contents: Mapping[str, Content], ar
     if store.settings().get("profiles") == "true" and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
     files |= _damage(store, units, request.by)
-    files[SUMMARY] = json_bytes({**in_units(campaign_summary(store), units), "arguments": arguments})
+    told = campaign_summary(store)
+    told["inputs"] = merged_inputs(told["inputs"], read)
+    files[SUMMARY] = json_bytes({**in_units(told, units), **lines})
     here = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(here)
@@ -621,7 +640,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 
 
 def tell_outcomes(store: Store) -> None:
-    """How many runs failed, collapsed, were repeated, have no error or a corrected one, or are not at rest."""
+    """How many runs failed, collapsed, were repeated, have no error, or are not at rest."""
     from tdint.analysis.run.outcome import FAILED
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error
@@ -638,8 +657,6 @@ def tell_outcomes(store: Store) -> None:
     if repeated := store.count("repeats > 0"):
         note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
-        note(f"no estimated error of {how_many(unknown, 'run')}: repetitions failed or fell earlier; empty cells")
-    if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
-        note(f"columns `corrected_` of the CSV: demands of {how_many(corrected, 'run')}, corrected by their errors")
+        note(f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell earlier; empty cells")
     if moving := store.count("at_rest = 0"):
         warn(f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest")

@@ -39,15 +39,10 @@ def reading_width() -> int | None:
 
 
 def table_bytes(table: Table, width: int | None) -> bytes:
-    """A table as it goes to standard output: drawn for a screen of this width, else CSV.
-
-    What is corrected is not drawn: it differs in digits that are not, or its error says by how much.
-    """
+    """A table as it goes to standard output: drawn for a screen of this width, else CSV."""
     if width is None:
         return table.csv()
-    from tdint.output.tables.table import CORRECTED
-
-    table = _errors_beside(table.chosen(name for name in table.columns if not name.startswith(CORRECTED)))
+    table = _errors_beside(table)
     units = {name: said.get("unit", "1") for name, said in table.meanings.items()}
     return draw(table.columns, table.rows, width, units).encode("utf-8", "replace")
 

@@ -154,7 +154,7 @@ def _oscillator(method: str, dt: float, duration: float, **said: Any) -> Respons
     """Motion of an oscillator of 1 kg, of period 1 s unless it has another law."""
     story = {"mass": 1.0} | (said.pop("story", None) or {"stiffness": _OMEGA**2})
     model = {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said
-    return run(load_model(model), history=True)
+    return run(load_model(model), history=True, check=False)
 
 
 def _last(response: Response) -> float:
@@ -263,7 +263,7 @@ def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10
     )
     force = [10.0 * math.sin(math.pi * i / 6.0) if i < 6 else 0.0 for i in range(11)]
     record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
-    history = run(model, record, method=method, history=True).history
+    history = run(model, record, method=method, history=True, check=False).history
     assert history is not None
     return np.asarray(history.displacement[1 : steps + 1, 0] / INCH)
 
@@ -281,7 +281,7 @@ def _bathe(method: str) -> Array:
             "analysis": {"dt": 0.28, "duration": 3.36},
         }
     )
-    history = run(model, method=method, history=True).history
+    history = run(model, method=method, history=True, check=False).history
     assert history is not None
     return np.asarray(history.displacement[-1, :2])
 
@@ -298,7 +298,7 @@ def _five_yielding_stories() -> Array:
     )
     samples = [1.93 * math.sin(2.0 * math.pi * i / 10) if i <= 10 else 0.0 for i in range(21)]
     record = make_record(samples, dt=0.1, units="m/s^2")
-    history = run(model, record, method="newmark-average", history=True).history
+    history = run(model, record, method="newmark-average", history=True, check=False).history
     assert history is not None
     return np.asarray(history.displacement[-1:, 4])
 
@@ -327,7 +327,7 @@ def _forced_by_a_sine() -> Array:
             "analysis": {"dt": 0.05, "duration": 1},
         }
     )
-    history = run(model, method="impulse4", history=True).history
+    history = run(model, method="impulse4", history=True, check=False).history
     assert history is not None
     return np.array([modes(model).omega[0] / (2.0 * math.pi), history.displacement[-1, 0]])
 

@@ -8,12 +8,10 @@ import pytest
 
 import tdint
 from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
-from tdint.analysis.run.error_estimate import FINER
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import run_sequence
-from tdint.analysis.run.together import Outcomes, run_together
+from tdint.analysis.run.together import Outcomes, Subject, run_together
 from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
 from tdint.ground_motion.record import JoinedRecord, Record
 
@@ -82,7 +80,7 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
     """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
-    assert [row._replace(errors=(), corrected=()).but(at_rest=0) for row in results.runs] == [
+    assert [row._replace(errors=()).but(at_rest=0) for row in results.runs] == [
         row.but(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
     for row in results.runs:
@@ -92,10 +90,6 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
         own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
         named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
         assert row.errors == tuple(own[name] for name in named)
-        corrected = response.check.corrected
-        better = corrected and {one.name: float(one.of(corrected).value[0]) for one in DEMANDS}
-        assert row.corrected == (tuple(better[name] for name in named) if better else ())
-        assert bool(corrected) == (method == "moment4" and len(response.check.dts) < FINER)
         for number, quantity in enumerate(STORY):
             np.testing.assert_array_equal(
                 [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)

@@ -71,11 +71,10 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     found, plain = rows("checked/runs.csv"), rows("out/runs.csv")
     named = [name for name in COLUMNS.split(",")[10:18] if not name.endswith(("_story", "_floor"))]
     assert list(plain[0]) == COLUMNS.split(",")
-    assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named), *(f"corrected_{name}" for name in named)]
+    assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
     own = list(rows("out/stories.csv")[0])
     told = [name for name in own if name not in ("building", "record", "component", "scale", "story", "height_m")]
-    beside = [*(f"{name}_error" for name in told), *(f"corrected_{name}" for name in told)]
-    assert list(rows("checked/stories.csv")[0]) == [*own, *beside]
+    assert list(rows("checked/stories.csv")[0]) == [*own, *(f"{name}_error" for name in told)]
     alone = ("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--method", "moment4")
     tdint(*alone, "--scale", "0.25", "-o", "alone", code=0)
     errors = json.loads(Path("alone/summary.json").read_text())["check"]["errors"]
@@ -85,7 +84,7 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert float(run["peak_base_shear_N_error"]) == pytest.approx(errors["base_shear_N_error"], rel=1e-11)
     stories = [row for row in rows("checked/stories.csv") if list(row.values())[:4] == list(run.values())[:4]]
     of_alone = rows("alone/stories.csv")
-    for name in ("peak_shear_N_error", "corrected_peak_drift_ratio", "corrected_peak_absolute_acceleration_m_s2"):
+    for name in ("peak_shear_N_error", "peak_drift_ratio_error"):
         assert [row[name] for row in stories] == [row[name] for row in of_alone] and of_alone[0][name]
     summary = json.loads(Path("checked/summary.json").read_text())
     unknown = [row for row in found if row["peak_drift_m"] and not row["peak_drift_m_error"]]
@@ -95,7 +94,7 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
 
 
-def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Command) -> None:
+def test_errors_are_the_same_by_every_route(study: Path, tdint: Command) -> None:
     """`run_many`, a campaign and `ida` tell one number, to the last digit that is printed; `run` and a campaign are
     compared above."""
     write_record(study / "motion.mseed", "HNE", "HNN")
@@ -113,7 +112,7 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Command
     many = run_many(model, record, scales=scales, method="moment4", check=True).to_dict()
     assert [float(row["scale"]) for row in table] == pytest.approx(scales, rel=1e-11)
     for name in ("peak_drift_ratio", "peak_absolute_acceleration_m_s2"):
-        for column in (name, f"corrected_{name}"):
+        for column in (name, f"{name}_error"):
             told = [row[column] or "nan" for row in table]
             assert sum(cell != "nan" for cell in told) >= 3
             for values in (many, levels.to_dict()):
@@ -121,14 +120,15 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Command
 
 
 def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
-    """Each once, as it was read last: a comment changes a file, not the campaign."""
+    """And the others, each once, as it was read last: a comment changes a file, not the campaign."""
+    files = ("shaken.yaml", "stiff.yaml", "study.yaml", "motion.mseed", "other.mseed")
 
     def told() -> dict[str, str]:
         inputs = json.loads(Path("varied/summary.json").read_text())["inputs"]
         return {one["file"]: one["sha256"] for one in inputs}
 
     def there() -> dict[str, str]:
-        return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in ("shaken.yaml", "stiff.yaml")}
+        return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files}
 
     change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"), ("0.25, 1, 2.5", "1"))
     tdint("campaign", "study.yaml", "-o", "varied", code=0)
@@ -157,7 +157,7 @@ def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
     assert {(row["method"], row["dt_s"], row["status"], row["steps"], row["sample"]) for row in table} == {
         ("newmark-average", "0.01", "done", "2399", "0")
     }
-    tdint("run", "shaken.yaml", "--component", "HNN", "--scale", "2.5", "--units", "m/s^2", "-o", "one")
+    tdint("run", "shaken.yaml", "--component", "HNN", "--scale", "2.5", "--units", "m/s^2", "--no-check", "-o", "one")
     one, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
     row = table[5]
     assert np.isclose(float(row["sa_t1_m_s2"]), one["building"]["sa_t1_m_s2"], rtol=1e-11)
@@ -435,7 +435,7 @@ def test_the_store_can_be_asked_in_sql() -> None:
         names, own = [column[0] for column in found.description], COLUMNS.count(",") + 1
         stiff = [(row[1], row[2], f"{row[10]:.12g}") for row in found]
     assert names[:own] == COLUMNS.split(",")
-    bare = [name.removesuffix("_error").removeprefix("corrected_") for name in names[own:]]
+    bare = [name.removesuffix("_error") for name in names[own:]]
     assert bare and set(bare) <= set(names[:own])  # empty here
     table = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
     assert stiff == [(row["record"], row["component"], row["peak_drift_ratio"]) for row in table]
@@ -477,7 +477,7 @@ def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(stu
     )
     tdint("campaign", "study.yaml", "-o", "new", code=3)
     summary = json.loads(Path("new/summary.json").read_text())
-    assert [one["file"] for one in summary["inputs"]] == ["rows.csv"]
+    assert [one["file"] for one in summary["inputs"]] == ["motion.mseed", "other.mseed", "rows.csv", "study.yaml"]
     unused = summary["not_used"]
     assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)  # b has two faults, and is one building
     assert "rows.csv:3" in unused["buildings"]["reasons"][0] and "X9" in unused["buildings"]["reasons"][0]

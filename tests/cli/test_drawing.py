@@ -42,13 +42,6 @@ def test_no_line_is_wider_than_the_screen_and_no_number_is_lost(width):
         assert "story" in block
 
 
-def test_what_is_corrected_is_for_programs():
-    """Its digits are those of the peaks, as far as they are drawn."""
-    table = Table(("story", "peak_drift_m", "corrected_peak_drift_m"), [(1, 0.012, 0.0120001)], {})
-    assert b"corrected" not in table_bytes(table, 80) and b"0.012" in table_bytes(table, 80)
-    assert table_bytes(table, None) == table.csv()
-
-
 def test_few_rows_that_are_too_wide_are_turned():
     columns = [f"name_{i}" for i in range(30)]
     lines = draw(columns, [tuple(range(30))], 80).splitlines()

@@ -456,6 +456,8 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
     """The sum of the rates of the events with losses as large, and the average annual loss, by hand."""
     rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
     losses = [row for row in rows("out/losses.csv") if not row["type"]]
+    districts = {"a": "north", "b": "south", "c": "north"}
+    worth = {(row["District"], row["event"]): float(row["value"]) for row in losses}
     for part in ("", "north", "south"):
         mine = {row["event"]: float(row["loss"]) for row in losses if row["District"] == part}
         told = [row for row in found if row["District"] == part]
@@ -464,7 +466,31 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
             as_large = [event for event in mine if mine[event] >= mine[row["event"]]]
             assert float(row["exceedance_rate"]) == pytest.approx(sum(rates[event] for event in as_large), rel=1e-10)
         annual = sum(rates[event] * mine[event] for event in mine)
-        assert float(told[-1]["annual_loss"]) == pytest.approx(annual, rel=1e-10)
+        assert sum(float(row["annual_loss"]) for row in told) == pytest.approx(annual, rel=1e-10)
+        assert float(told[-1]["cumulative_annual_loss"]) == pytest.approx(annual, rel=1e-10)
+        # The scatter of each event by the rows of its buildings: independent, and all together.
+        for row in told:
+            alone = [
+                of for of in rows("out/losses.csv")
+                if of["building"] and of["event"] == row["event"] and part in ("", districts[of["building"]])
+            ]  # fmt: skip
+            spread = [float(of["value"]) * float(of["loss_ratio_sd"]) for of in alone]
+            alike = [float({"a": 3, "b": 1, "c": 10}[of["building"]]) for of in alone]
+            together = math.sqrt(sum(sd**2 / number for sd, number in zip(spread, alike, strict=True)))
+            assert float(row["loss_sd_independent"]) == pytest.approx(together, rel=1e-9)
+            assert float(row["loss_sd_correlated"]) == pytest.approx(sum(spread), rel=1e-9)
+        # How often a loss as large comes, by many draws of beta distributions.
+        random, cost = np.random.default_rng(3), 1.0
+        for name in ("independent", "correlated"):
+            for row in told:
+                rate, loss = 0.0, float(row["loss"])
+                for other in told:
+                    cost = worth[part, other["event"]]
+                    mean, sd = float(other["loss"]) / cost, float(other[f"loss_sd_{name}"]) / cost
+                    k = mean * (1.0 - mean) / sd**2 - 1.0
+                    drawn = random.beta(mean * k, (1.0 - mean) * k, 40_000)
+                    rate += float(other["rate"]) * float(np.mean(drawn >= loss / cost))
+                assert float(row[f"exceedance_rate_{name}"]) == pytest.approx(rate, rel=0.03)
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
     said = "rates.csv: has no rate of 2 events of the fields, such as 'M7-2'"
     tdint.refused(said, "campaign", "campaign.yaml", "-o", "new", code=3)

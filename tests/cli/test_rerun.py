@@ -1,11 +1,13 @@
 """`tdint rerun`: what a JSON file beside a table says, done again elsewhere, and the tables compared."""
 
 import gzip
+import hashlib
 import json
 import os
 
 import pytest
 
+from cli.conftest import change
 from tdint.errors import OutputError
 from tdint.output.tables.table import Difference, differences
 
@@ -162,6 +164,20 @@ def test_versions_that_are_others_are_named(folder, tdint, rerun):
         ("tdint modes", ["-q"], {}, "name no command"),
         ("tdint modes", ["rerun", "a.json", "-o", "b"], {}, "name no command"),
         ("tdint modes", ["methods"], {}, "name no command"),
+        ("tdint modes", ["compile", "--all", "--clean", "-o", "k"], {}, "name no command"),
+        ("tdint modes", ["init", "a.yaml"], {}, "name no command"),
+        (
+            "tdint x",
+            ["modes", "-o", "a.csv"],
+            {"export": ["campaign", "other.yaml"]},
+            "is no command line of",
+        ),
+        (
+            "tdint x",
+            ["campaign", "-o", "a"],
+            {"export": ["campaign", "merge", "b"]},
+            "is no command line of",
+        ),
         ("tdint modes", ["modes", "forced.yaml"], {}, "have no -o"),
         ("tdint modes", ["modes", "forced.yaml", "-o", "-"], {}, "have no -o"),
         ("tdint x", ["modes", "-o", "a.csv"], {"inputs": [1]}, "is no JSON file"),
@@ -185,10 +201,13 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     for more in (["--max-runs", "1"], ["--max-runs", "1000"]):
         tdint("campaign", "campaign.yaml", "-o", "study", *more, code=0)
-    tdint("campaign", "export", "study", code=0)
+    tdint("campaign", "export", "study", "--simcenter", "--output-units", "kip", code=0)
     told = json.loads((folder / "study/summary.json").read_text())
     assert told["arguments"] == ["campaign", "campaign.yaml", "-o", "study"]  # how many at a time is not kept
-    assert "runs.csv: the same" in rerun("study", code=0).stderr
+    words = rerun("study", code=0).stderr
+    assert "runs.csv: the same" in words and "runs.parquet: the same" in words and "simcenter.csv: the same" in words
+    (folder / "study/runs.parquet").unlink()
+    assert "runs.parquet: is written now" in rerun("study", code=5).stderr
     for part in ("1", "2"):
         tdint("campaign", "campaign.yaml", "-o", f"part-{part}", "--shard", f"{part}/2", code=0)
     tdint("campaign", "merge", "part-1", "part-2", "-o", "whole", code=0)
@@ -200,6 +219,66 @@ def test_a_run_that_fails_fails_again(tdint, rerun):
     """Without a table: its summary says how it ended."""
     tdint("run", "forced.yaml", "--method", "central-difference", "--dt", "1", "-o", "out", code=5)
     assert "the run was unstable-step then, and is so now" in rerun("out", code=0).stderr
+
+
+def test_parquet_is_compared(folder, tdint, rerun):
+    pytest.importorskip("pyarrow")
+    tdint("modes", "forced.yaml", "-o", "a.parquet", code=0)
+    assert "a.parquet: the same, cell by cell" in rerun("a.json", code=0).stderr
+    file = folder / "a.parquet"
+    whole = file.read_bytes()
+    change("forced.yaml", ("stiffness: 600", "stiffness: 601"))
+    tdint("modes", "forced.yaml", "-o", "b.parquet", code=0)
+    change("forced.yaml", ("stiffness: 601", "stiffness: 600"))
+    file.write_bytes((folder / "b.parquet").read_bytes())
+    assert "period_s" in rerun("a.json", code=5).stdout
+    file.write_bytes(whole[:-9])
+    assert "cannot be read as Parquet" in rerun("a.json", code=6).stderr
+    file.unlink()
+    assert "not there where it was" in rerun("a.json", code=5).stderr
+
+
+def test_nothing_compared_is_no_yes(folder, tdint, rerun):
+    """Of a table that has a name of no table, and of one whose times are left out, which is said."""
+    (folder / "campaign.yaml").write_text(CAMPAIGN.replace("{stories: true}", "[damage]"))
+    tdint("campaign", "campaign.yaml", "-o", "study", code=0)
+    assert "nothing of what the command writes can be compared" in rerun("study", code=5).stderr
+    tdint("modes", "forced.yaml", "-o", "a.txt", code=0)
+    assert "a.txt: the same" in rerun("a.json", code=0).stderr
+    tdint("chart", "forced.yaml", "--method", "newmark-average", "--repeat", "1", "-o", "chart.csv", code=0)
+    assert "the same, cell by cell (not compared: " in rerun("chart.json", code=0).stderr
+
+
+def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
+    """A plug-in that was read then needs --trust; one that was not is looked at by nobody."""
+    (folder / "trusted.py").write_text("METHODS = ()\n")
+    tdint(*STORY, "--plugin", "trusted.py", code=0)
+    refused = rerun("out", code=2).stderr
+    assert hashlib.sha256(b"METHODS = ()\n").hexdigest() in refused and "--trust" in refused
+    rerun("out", "--trust", code=0)
+    (folder / "evil.py").write_text("open('executed', 'w')\n")
+    told = json.loads((folder / "out/summary.json").read_text())
+    for word in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
+        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*STORY, *word]}))
+        assert "evil.py: was not read then" in rerun("out", "--trust", code=2).stderr
+        assert "--trust" in rerun("out", "--changed", code=2).stderr
+    assert not (folder / "executed").exists()
+
+
+@pytest.mark.parametrize("sheet", ["text.usetex: true", "axes.prop_cycle: cycler('color', [().\t__class__])"])
+def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
+    (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
+    words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
+    tdint(*words, code=0)
+    rerun("modes.json", code=0)
+    (folder / "a.mplstyle").write_text(f"{sheet}\n")
+    assert "a.mplstyle (SHA-256 " in rerun("modes.json", code=2).stderr
+
+
+def test_latex_that_is_not_there(folder, tdint, monkeypatch):
+    (folder / "a.mplstyle").write_text("text.usetex: true\n")
+    monkeypatch.setenv("PATH", str(folder))
+    tdint.refused("text.usetex needs latex", "modes", "forced.yaml", "--plot", "a.png", "--style", "a.mplstyle")
 
 
 def test_differences_of_two_files(tmp_path):

@@ -137,6 +137,11 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     assert curves == pytest.approx(np.vstack([scaled, scaled.mean(axis=0), target]), rel=1e-9)
 
 
+def test_factors_of_mistaken_units_are_told(folder, tdint):
+    told = tdint("-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0).stderr
+    assert "peak ground acceleration" in told and "factors beyond 0.05 to 20" in told
+
+
 def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
     words = ("scale", "motion.mseed", *UNITS, "--target", "ec8:type=1,soil=B,ag=50g", "--range", "0.2:2")
     told = tdint(*words, code=0).stderr

@@ -17,7 +17,8 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
     assert whole["peak_drift_m"] in (first["peak_drift_m"], second["peak_drift_m"])
     assert whole["residual_drift_m"] == second["residual_drift_m"]
     alone = rows(tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout)
-    assert {key: value for key, value in first.items() if key != "shock"} == alone[0]
+    # What is left of the motion is part of the error of a residual drift at rest, not of one in between.
+    assert {key for key in alone[0] if alone[0][key] != first[key]} <= {"residual_drift_m_error"}
     assert "motion.mseed + other.mseed HNE" in result.stderr
     assert "Shock 2, from " in result.stderr
 

@@ -148,6 +148,18 @@ def test_the_day_of_a_researcher(checkout):
         assert width / 72.0 * 25.4 == pytest.approx(90.0, abs=0.1) and b"/FontFile2" in data
 
 
+@pytest.mark.slow
+def test_a_fit_by_derivatives(checkout):
+    """Ten stiffnesses within their spreads, by fewer calls than differences of each number would take for one step."""
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("derivatives")]))
+    *stories, calls = output.splitlines()
+    numbers = np.array([[float(number) for number in re.findall(r"\d\.\d+", line)] for line in stories])
+    assert numbers.shape == (10, 2) and np.all(np.abs(numbers[:, 0] - 1.0) < 4.0 * numbers[:, 1])
+    assert np.all(numbers[:, 1] < 0.05)
+    assert sum(map(int, re.findall(r"\d+", calls))) < 40
+
+
 def test_the_model_with_all_keys(checkout):
     folder, _ = checkout
     (folder / "models").mkdir()
@@ -204,6 +216,7 @@ def test_the_studies_with_other_packages(checkout, name, package):
     output, _ = run(shlex.join([sys.executable, "-c", script]))
     numbers = [[float(number) for number in re.findall(r"-?\d+\.\d+", line)] for line in output.splitlines()]
     if name == "calibration":
+        (_, *numbers) = numbers
         assert all(abs(mean - true) < 5.0 * spread + 0.05 * true for mean, spread, true in numbers)
     elif name == "sobol":
         assert max(range(4), key=lambda i: numbers[i][1]) == 2

@@ -42,13 +42,15 @@ class TestWhatARecordTells:
     @pytest.mark.parametrize(
         ("data", "note"),
         [
-            (wave(peak=319.0), "3190 m/s^2; are the units right?"),
+            (wave(peak=319.0), "peak ground acceleration 325 g, usual: 0.0001 g to 5 g"),
+            (wave(peak=1e-6), "peak ground acceleration 1.02e-06 g, usual"),
             (np.zeros(10), "all samples are zero"),
             (0.1 * wave() + 0.1, "25% of the peak"),
         ],
     )
     def test_doubts(self, tmp_path, data, note):
-        assert any(note in text for text in read_record(write(tmp_path / "a", trace(data)), units="10 m/s^2").notes)
+        record = read_record(write(tmp_path / "a", trace(data)), units="10 m/s^2")
+        assert any(note in text for text in (*record.warnings, *record.notes))
 
 
 class TestFormats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from ground_motion.files import counts, refused, trace, wave, write
 from ground_motion.test_response import station_xml
 from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.reading.suites import records_of
 from tdint.units import STANDARD_GRAVITY
 
 UNITS = {"SAC": "g", "*.mseed": "m/s^2"}
@@ -64,12 +67,15 @@ def test_an_inventory_is_for_counts_whose_units_nobody_says(suite, tmp_path) -> 
 
 def test_a_table(suite, tmp_path) -> None:
     table = tmp_path / "units.csv"
-    table.write_text("record,units,what\nin/a.sac,g,\n../in/b.mseed,cm/s^2,\nd.txt,,says its own\n")
+    table.write_text("record,units\nin/a.sac,g\n../in/b.mseed,cm/s^2\nd.txt,\n")
     assert read_record(suite["sac"], units=str(table)).pga == pytest.approx(3.0 * STANDARD_GRAVITY)
     assert read_record(suite["mseed"], units=str(table)).pga == pytest.approx(0.03)
     assert read_record(suite["stated"], units=str(table)).units_from == "file"
     table.write_text("record,units\na.sac,g\na.sac,gal\n")
     with pytest.raises(UsageError, match=r"units\.csv:3: a\.sac has two units, g and gal"):
+        read_record(suite["sac"], units=str(table))
+    table.write_text("record,units,component\na.sac,g,HNE\n")
+    with pytest.raises(UsageError, match=r"columns that nothing is done with: component"):
         read_record(suite["sac"], units=str(table))
     table.write_text("record,unit\na.sac,g\n")
     with pytest.raises(ModelError, match=r"units\.csv:1: no column units"):
@@ -90,11 +96,28 @@ def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
         ("SAC=g,gal", "'gal': write FORMAT=UNITS"),
         ("=g", "'=g': write FORMAT=UNITS"),
         ({"SAC": 9.81}, "units of 'SAC' are a text"),
+        ("SAC=g,SAC=m/s^2", "'SAC' is given twice, g and m/s"),
+        ("SAC=g,sac=g", "'sac' is given twice"),
     ],
 )
 def test_what_is_refused(suite, units, message) -> None:
     with pytest.raises(UsageError, match=message):
         read_record(suite["sac"], units=units)
+
+
+def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
+    """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an archive, counts."""
+    with pytest.raises(UsageError, match="none of the units given by file fits it: at2"):
+        read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
+    folder = str(suite["sac"].parent)
+    for units, unfit in (("SAC=g,AT2=g", "'at2'"), ("*.sac=g,*.mseeed=g,b*=gal", r"'\*\.mseeed'")):
+        with pytest.raises(UsageError, match=f"units of {unfit}: fit no file of this call"):
+            records_of([folder], RecordChoice(units=units))
+    records_of([folder], RecordChoice(units="SAC=g,*.mseed=m/s^2,SLIST=gal"))
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(suite["sac"], "within/x.sac")
+    records_of([str(tmp_path / "a.zip")], RecordChoice(units="SAC=g,within/x.sac=g"))
+    records_of(["-", str(tmp_path / "none")], RecordChoice(units="AT2=g"))  # reading tells
 
 
 def test_a_contradiction_is_one_by_file_too(suite) -> None:

@@ -54,7 +54,7 @@ def scene(seed):
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
     return arguments(
-        Span(h, *ground, on_path, fast, False), linear_terms, law_parameters, old, state, springs, turns, peaks
+        Span(0.0, h, *ground, on_path, fast, False), linear_terms, law_parameters, old, state, springs, turns, peaks
     )
 
 
@@ -85,7 +85,7 @@ def observed(seed, everything):
     memory = Memory(passage.state, springs, np.zeros((0, 0)), np.zeros(at.REPORT_SIZE))
     seen = Seen(watch, peaks, np.zeros((3, STORIES)), np.zeros(at.TOTALS_SIZE), np.zeros((0, 0)))
     before = peaks.copy()
-    passing = observe(building, 0.0, span, 0.0, memory, seen)
+    passing = observe(building, span, 0.0, memory, seen)
     if everything:
         _raise_ends(span.ground_1, passage.state, springs, seen)
     turned = look_between(passing or everything, building, span, memory, seen)
@@ -132,7 +132,7 @@ def errors(h):
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
-            span = Span(h, -1.0, -1.0, False, False, False)
+            span = Span(0.0, h, -1.0, -1.0, False, False, False)
             look_within(*arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks))
             found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]

@@ -86,11 +86,11 @@ def test_the_energy_balance_of_long_steps(method):
 
 
 def test_a_step_of_one_sample_and_a_half():
-    """Half of three samples, as --check takes it: the record's own motion, within the error of the step."""
+    """Half of three samples, as the run that tells errors has it: the record's own motion, within the step's error."""
     record = noise()
     fine = run(ten_linear(), record, method="impulse4")
     checked = run(ten_linear(), record, method="impulse4", dt=3 * DT, check=True)
-    assert checked.check.dts == pytest.approx((1.5 * DT, 0.75 * DT))
+    assert checked.check.dts == pytest.approx((1.5 * DT,))
     true = np.abs(checked.stories.peak_drift - fine.stories.peak_drift)
     assert np.all(true <= checked.check.errors.peak_drift)
     assert checked.check.drift_error < 0.02

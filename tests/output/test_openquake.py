@@ -6,10 +6,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from tdint.campaign.fragility.fits import Fragility
 from tdint.errors import UsageError
-from tdint.output.tables.exports import fragility_model, whole_types
+from tdint.output.tables.exports import fragility_model, vulnerability_model, whole_types
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 
@@ -106,3 +107,51 @@ def test_a_function_for_each_type_of_buildings():
 def test_refusals(functions, states, text):
     with pytest.raises(UsageError, match=text):
         fragility_model(functions, "x", states)
+
+
+RATIOS = np.array([0.05, 0.2, 0.6, 1.0])
+TYPES = [
+    function(of.threshold, of.theta, beta, type=name, state=state)
+    for name, beta in (("C1", 0.4), ("URM", 0.16))
+    for of, state in zip(OFFICE, STATES, strict=True)
+]
+
+
+def test_losses_of_types():
+    """Mean and scatter of the loss of one building from the probabilities of the states, at the points and, by straight
+    lines, between them."""
+    data = vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town")
+    ((_, *functions),) = ElementTree.fromstring(data)
+    assert [one.get("id") for one in functions] == ["C1", "URM"] and {one.get("dist") for one in functions} == {"BT"}
+    for one, beta in zip(functions, (0.4, 0.16), strict=True):
+        im, mean, cov = (np.array(part.text.split(), float) for part in one)
+        between = np.sqrt(im[1:] * im[:-1])
+        for at, told, tolerance in ((im, mean, 1e-8), (between, np.interp(between, im, mean), 3e-3)):
+            beyond = np.array([ndtr(np.log(at / of.theta) / beta) for of in OFFICE])
+            shares = beyond - np.vstack([beyond[1:], np.zeros_like(at)])
+            assert np.max(np.abs(told - RATIOS @ shares)) < tolerance
+        of_points = np.array([ndtr(np.log(im / of.theta) / beta) for of in OFFICE])
+        shares = of_points - np.vstack([of_points[1:], np.zeros_like(im)])
+        square = RATIOS**2 @ shares
+        some = (mean > 1e-3) & (mean < 0.999)
+        assert (mean * cov)[some] == pytest.approx(np.sqrt(square - mean**2)[some], rel=1e-4)
+        assert np.all(cov**2 <= 1.0 / mean - 1.0)
+
+
+def test_openquake_reads_both_files(tmp_path):
+    """Its own reader, where it is installed: the probabilities and losses that it has are ours."""
+    pytest.importorskip("openquake.risklib.read_nrml")
+    from openquake.hazardlib import nrml
+
+    (tmp_path / "f.xml").write_bytes(fragility_model(TYPES, "town"))
+    (tmp_path / "v.xml").write_bytes(vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town"))
+    fragilities, losses = nrml.to_python(str(tmp_path / "f.xml")), nrml.to_python(str(tmp_path / "v.xml"))
+    for name, beta in (("C1", 0.4), ("URM", 0.16)):
+        mean, deviation = fragilities["SA(0.6)", name].array.T
+        assert np.sqrt(np.log(1.0 + (deviation / mean) ** 2)) == pytest.approx([beta] * 4, rel=1e-6)
+        assert mean * np.exp(-0.5 * beta**2) == pytest.approx([of.theta for of in OFFICE], rel=1e-6)
+        function_ = losses["SA(0.6)", name]
+        beyond = np.array([ndtr(math.log(0.5 / of.theta) / beta) for of in OFFICE])
+        assert np.interp(0.5, function_.imls, function_.mean_loss_ratios) == pytest.approx(
+            float(RATIOS @ (beyond - np.append(beyond[1:], 0.0))), abs=3e-3
+        )

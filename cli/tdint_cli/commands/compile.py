@@ -47,7 +47,9 @@ class Request:
         help="Tell for each loop which object is used and whether it came in a wheel; compile nothing.",
     )
     clean: bool = options.option(is_flag=True, common=True, help="Remove all compiled loops from the user's cache.")
-    output: str | None = options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
+    output: str | None = options.output.output(
+        "DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.", tables=False
+    )
 
 
 @options.command(

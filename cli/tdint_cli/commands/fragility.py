@@ -41,7 +41,7 @@ _OF_OPENQUAKE = (
         metavar="FILE.xml",
         common=True,
         help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those "
-        "of types under their names.",
+        "of types under their names; of types with losses also FILE-vulnerability.xml, for its scenario_risk.",
     ),
     options.output.option(
         "--states",
@@ -172,7 +172,10 @@ def _fragility(request: Request) -> None:
     if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
     model = [Path(request.openquake)] if request.openquake else []
-    check_outputs(model, overwrite=outputs.overwrite)
+    # Where the states have losses, these go beside the functions.
+    losses = _losses(Path(request.table)) if by == "type" and model else {}
+    beside = [file.with_name(f"{file.stem}-vulnerability.xml") for file in model if losses]
+    check_outputs([*model, *beside], overwrite=outputs.overwrite)
     asked = FragilityRequest(
         fit=request.fit,
         thresholds=request.threshold or (),
@@ -190,13 +193,15 @@ def _fragility(request: Request) -> None:
     functions = [function.in_units(units) if units else function for function in result.functions]
     # For OpenQuake; of types those that have a function of every state
     for file in model:
-        from tdint.output.tables.exports import STRENGTH, fragility_model, whole_types
+        from tdint.output.tables.exports import STRENGTH, fragility_model, vulnerability_model, whole_types
 
         if functions[0].im.startswith("sdi"):
             warn(f"{file}: {STRENGTH}")
         whole, partial = whole_types(result.functions) if result.functions[0].type else (result.functions, [])
         warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
-        write_files({file: fragility_model(whole, file.stem, request.states or ())}, overwrite=outputs.overwrite)
+        written = {file: fragility_model(whole, file.stem, request.states or ())}
+        written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
+        write_files(written, overwrite=outputs.overwrite)
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,
@@ -213,6 +218,15 @@ def _fragility(request: Request) -> None:
     else:
         say(*map(_words, functions))
     warn(*map(str, result.failures))
+
+
+def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
+    """The loss ratios of the damage states of each type of a campaign; none where it tells none."""
+    from tdint.campaign.fragility.runs import stored_states
+    from tdint.campaign.store import open_existing
+
+    with open_existing(folder) as store:
+        return {name: states.losses for name, states in stored_states(store).items() if states.losses}
 
 
 def _words(function: Fragility) -> str:

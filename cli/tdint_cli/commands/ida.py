@@ -116,8 +116,7 @@ class IdaRequest(RecordsRequest):
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
         is_flag=True,
-        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
-        "corrected_<name>.",
+        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
     )
     output: str | None = options.output.output(
         "DIR",

@@ -107,7 +107,7 @@ def command(request: Request) -> None:
     from tdint.ground_motion.reading.suites import records_of
     from tdint.output.summary import table_summary
 
-    sources = records_of(request.records, request.layout)
+    sources = records_of(request.records, request.choice)
     outputs = request.outputs
     check_outputs([*outputs.files, *_exported_files(request)], overwrite=outputs.overwrite)
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival

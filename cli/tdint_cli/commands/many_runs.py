@@ -25,6 +25,7 @@ from tdint_cli.campaigns import (
     carry_out,
     check_names,
     tell_outcomes,
+    warn_of_motions,
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
@@ -126,17 +127,15 @@ class Request(BuildingRequest, SuiteRequest):
         "--check/--no-check",
         default=None,
         common=True,
-        help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them "
-        "unasked, asked also in --history; with another method the run is repeated with a half and a quarter of the "
-        "step.",
+        help="Columns <name>_error with estimated errors, by one more run of impulse4 with half of the step. One run "
+        "has them unless --no-check leaves them out; --check also in --history, and of several runs.",
     )
     tolerance: float | None = options.analysis.option(
         type=Ratio(0.0, 1.0, min_open=True, max_open=True),
         metavar="1%",
         common=True,
         help="Take the largest step with which the estimated error of every peak drift is within this part of it: "
-        "from several sampling intervals of the record, or from --dt, down to a 256th. moment4 chooses its steps on "
-        "the way. The columns of --check are there, too.",
+        "from four sampling intervals of the record, or from --dt, down to a 256th.",
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
@@ -238,6 +237,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         carry_out(plan, engine, request, show=True)
         return
     store, _ = open_store(None, plan)
+    warn_of_motions(plan)
     note(*plan.notes)
     with store:
         profiles = Profiles(store, request)

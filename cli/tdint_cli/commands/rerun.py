@@ -17,10 +17,11 @@ import click
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import STDIN, digest_of, is_file, is_folder
 from tdint.output import tables
+from tdint.output.printed import TRUSTED
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import ELSEWHERE, FileName, with_named_files
+from tdint_cli.options.grammar import ELSEWHERE, FileName, SampleUnitsType, with_named_files
 from tdint_cli.terminal import Settings, current, note, say, warn
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 SUMMARY = "summary.json"
 """Of a folder that is given in place of its file."""
+
+TABLES = (".csv", ".csv.gz", ".parquet")
+"""Ends of the names of files that are compared."""
 
 SHOWN = 1000
 """Cells that the table of differences has at most: of a history of millions nobody reads more."""
@@ -41,8 +45,15 @@ class Request:
     changed: bool = options.option(
         is_flag=True, common=True, help="Also with inputs that are not those of then; they are named."
     )
+    trust: bool = options.option(
+        is_flag=True,
+        common=True,
+        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first.",
+    )
     output: str | None = options.output.output(
-        "DIR", "Keep what the command writes now, in this folder: a new or an empty one. Without it nothing is kept."
+        "DIR",
+        "Keep what the command writes now, in this folder: a new or an empty one. Without it nothing is kept.",
+        tables=False,
     )
 
 
@@ -50,22 +61,26 @@ class Request:
     "rerun",
     "tdint rerun loop.json",
     "tdint rerun loop.json --changed -o again",
-    exits={2: "inputs are not those of then, or the file says no command line", 5: "a table is not the same"},
+    exits={
+        2: "inputs are not those of then, something needs --trust, or the file says no command line",
+        5: "a table is not the same, or nothing could be compared",
+    },
 )
 @options.of(Request)
 def command(request: Request) -> None:
     """What the JSON file beside a table says, done again and compared.
 
     The file's `arguments` are carried out in the folder that they were typed in, with the installed version; whatever
-    they write goes to another place, so that no file is replaced. DIR stands for DIR/summary.json. All CSV files are
-    compared cell by cell, but for measured times: exit code 0 if they are the same, else 5, and a table of the cells
-    that differ goes to standard output, with 1000 of them at most. Standard error tells what was compared, and versions
-    that are others now.
+    they write goes to another place, so that no file is replaced. DIR stands for DIR/summary.json. All CSV and
+    Parquet files are compared cell by cell, but for measured times: exit code 0 if they are the same, else 5, and a
+    table of the cells that differ goes to standard output, with 1000 of them at most. Standard error tells what was
+    compared and what was not, and versions that are others now. What a campaign has exported is exported again.
 
     The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked for from the folder
     in which the command was typed, if the file still lies where it was written, and then from this one. With --changed
-    other inputs are named, and taken. A command that fails ends with its own exit code. Plug-ins are Python code, which
-    is executed: of a file that somebody else gave you read `arguments` first.
+    other inputs are named, and taken. A command that fails ends with its own exit code. Only commands that write
+    tables are carried out, and every file that the command line names is looked at first; plug-ins, which are Python
+    code, and style sheets that have LaTeX started need --trust.
     """
     told = _Told.read(request.file)
     folder = told.folder()
@@ -74,7 +89,17 @@ def command(request: Request) -> None:
     others = {
         name: _otherwise(name, told.inputs[name], now) for name, now in digests.items() if now != told.inputs[name]
     }
+    # Nothing that the command line names is opened by it, nor executed, that was not read then; but a table of one
+    # record of several knows this one alone.
+    read = [os.path.realpath(folder / name) for name in told.inputs]
+    for name in told.code if told.is_folder and told.file.name != SUMMARY else told.files:
+        file = os.path.realpath(folder / name)
+        if is_file(file) and not any(path == file or path.startswith(file + os.sep) for path in read):
+            others[name] = _otherwise(name, None, file)
     _judge_inputs(others, request.changed)
+    if told.code and not request.trust:
+        named = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in told.code)
+        raise UsageError(f"{told.file}: executes the Python code of {named}; read it, then give --trust")
     with ExitStack() as stack:
         # What the command writes now goes into the folder of -o, or into one that goes in the end.
         if request.output is None:
@@ -84,7 +109,12 @@ def command(request: Request) -> None:
             if place.exists() and (not place.is_dir() or any(place.iterdir())):
                 raise OutputError(f"{request.output}: is there and not an empty folder; name a new one")
         moved = _Elsewhere(place, told, folder)
-        code = _carry_out(told, folder, moved)
+        stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
+        code = _carry_out(told.arguments, folder, moved)
+        if told.export and moved.summary.is_file():
+            at = told.export.index(_words(_parsed(told.file, told.export)[1], "words")[1])
+            again_there = [*told.export[:at], str(moved.now), *told.export[at + 1 :]]
+            code = _carry_out(again_there, folder, moved) or code
         if not moved.summary.is_file():
             if not code:
                 raise UsageError(
@@ -130,6 +160,12 @@ class _Told:
         Of tdint and of what it computes with.
     plugins : dict
         SHA-256 of the plug-ins' files, by what is in them.
+    export : sequence of str
+        The command line of a campaign's export, which wrote the file last; empty if none did.
+    files : sequence of str
+        What is typed in both in the place of a file that is read, whether there is one or not.
+    code : sequence of str
+        Those among them that are executed.
     """
 
     file: Path
@@ -141,6 +177,9 @@ class _Told:
     inputs: dict[str, str]
     versions: dict[str, Any]
     plugins: dict[str, str]
+    export: Sequence[str]
+    files: Sequence[str]
+    code: Sequence[str]
 
     @classmethod
     def read(cls, name: str) -> _Told:
@@ -159,27 +198,19 @@ class _Told:
         content = told_of(file)
         if not content:
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
-        arguments = content.get("arguments")
-        if not isinstance(arguments, list) or not arguments or not all(isinstance(word, str) for word in arguments):
-            raise UsageError(
-                f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
-            )
-        # The command and what it was told to write, found as click finds them
-        context = click.get_current_context().find_root()
-        group = context.command
-        assert isinstance(group, click.Group)
-        at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
-        typed = arguments[at] if at < len(arguments) else ""
-        command = group.get_command(context, typed)
-        named = next((item for item in command.params if item.name == "output"), None) if command else None
-        if command is None or named is None or typed == "rerun":
+        command, given = _parsed(file, content.get("arguments"))
+        arguments, named = content["arguments"], _to_tables(command)
+        if named is None:
             raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
-        flags = {flag for parameter in command.params for flag in parameter.opts}
-        parser = command.make_parser(click.Context(command, info_name=typed, resilient_parsing=True))
-        given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
         output = given.get("output")
         if not isinstance(output, str) or output == STDIN:
             raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
+        # The export of a campaign has no command line but that.
+        export, both = content.get("export", ()), [(command, given)]
+        if export:
+            both.append(_parsed(file, export))
+            if command.name != "campaign" or export[0] != "campaign" or _words(both[1][1], "words")[:1] != ["export"]:
+                raise UsageError(f"{file}: `export` is no command line of `tdint campaign export`")
         # A table's file has a suffix; a folder that was there may have been named without a / at its end.
         whole = Path(output).parts
         within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
@@ -191,7 +222,9 @@ class _Told:
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table") from None
-        return cls(file, content, arguments, command, output, to_folder, inputs, versions, plugins)
+        files = [name for line in both for name in _files(*line)]
+        code = list(dict.fromkeys(name for _, line in both for name in _words(line, "plugins")))
+        return cls(file, content, arguments, command, output, to_folder, inputs, versions, plugins, export, files, code)
 
     def folder(self) -> Path:
         """The folder that the command line was typed in: the one that its -o leads from, if the file still lies there,
@@ -217,6 +250,50 @@ class _Told:
             f"{missing[0]}: an input of {self.file}, is not there, seen from {looked}; call `tdint rerun` in the "
             "folder in which the command was typed"
         )
+
+
+def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
+    """The command of a command line and what it is given, as words, found as click finds them; nothing is carried out.
+
+    Raises
+    ------
+    UsageError
+        It is no command line of tdint.
+    """
+    if not isinstance(arguments, list) or not arguments or not all(isinstance(word, str) for word in arguments):
+        raise UsageError(
+            f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
+        )
+    context = click.get_current_context().find_root()
+    group = context.command
+    assert isinstance(group, click.Group)
+    at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
+    command = group.get_command(context, arguments[at]) if at < len(arguments) else None
+    if command is None:
+        raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
+    flags = {flag for parameter in command.params for flag in parameter.opts}
+    parser = command.make_parser(click.Context(command, info_name=arguments[at], resilient_parsing=True))
+    given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
+    return command, given
+
+
+def _to_tables(command: click.Command) -> click.Parameter | None:
+    """The option of a command that says where its tables go; None of one that has other work."""
+    return next((item for item in command.params if isinstance(item.type, FileName) and item.type.tables), None)
+
+
+def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
+    """What stands on a command line in the place of files that are read."""
+    for item in command.params:
+        if isinstance(item.type, SampleUnitsType) or (isinstance(item.type, FileName) and not item.type.written):
+            yield from _words(given, item.name or "")
+
+
+def _words(given: Mapping[str, Any], name: str) -> list[str]:
+    """What a parameter is given, once or several times; click has a sign of its own for what is not given."""
+    value = given.get(name)
+    values = value if isinstance(value, list | tuple) else [value]
+    return [word for word in values if isinstance(word, str)]
 
 
 def _is_there(folder: Path, name: str) -> bool:
@@ -250,23 +327,24 @@ class _Elsewhere:
         return self.place / "others"
 
     @property
-    def _now(self) -> Path:
+    def now(self) -> Path:
         """The folder that now has what lay beside the JSON file."""
         return self.place / _last(self.told.output) if self.told.is_folder else self.place
 
     @property
     def summary(self) -> Path:
         """The JSON file there."""
-        return self._now / self.told.file.name
+        return self.now / self.told.file.name
 
     def tables(self) -> Iterator[tuple[str, Path, Path]]:
-        """Each CSV file that was written: its name, where it was before, and where it is now."""
-        places = [(self._now, self.told.file.absolute().parent)]
+        """Each table that was written: its name, where it was before, and where it is now."""
+        places = [(self.now, self.told.file.absolute().parent)]
         places += [(Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others]
         for now, before in places:
             for file in sorted(now.rglob("*")):
                 apart = now == self.place and self._apart in file.parents
-                if file.name.lower().endswith((".csv", ".csv.gz")) and not apart:
+                is_of_o = now == self.place and file.name == Path(self.told.output).name
+                if (is_of_o or file.name.lower().endswith(TABLES)) and not apart:
                     name = file.relative_to(now)
                     yield str(name), before / name, file
 
@@ -277,15 +355,15 @@ def _last(name: str) -> str:
     return "output" if last in ("", "..") else last
 
 
-def _carry_out(told: _Told, folder: Path, moved: _Elsewhere) -> int:
+def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int:
     """Run the command line in its folder, its data and outputs elsewhere; its exit code."""
     settings = current()
     before = ELSEWHERE.set(moved)
-    say(f"tdint {' '.join(told.arguments)}")
+    say(f"tdint {' '.join(arguments)}")
     try:
         with chdir(folder), Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
             click.get_current_context().find_root().command.main(
-                list(told.arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
+                list(arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
             )
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
@@ -312,35 +390,46 @@ def _otherwise(name: str, then: str | None, now: str | None) -> str:
 
 def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
     """Compare all tables, and how a run ended; whether all is the same."""
-    same = True
+    same, compared = True, False
     shown: list[Difference] = []
     measured = tables.methods.MEASURED if told.command.name == "chart" else ()
-    for name, before, file in moved.tables():
+    but = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
+    written = list(moved.tables())
+    for name, before, file in written:
         if not before.is_file():
             say(f"{name}: is written now, and not there where it was then ({before})")
             same = False
             continue
         # The first differences are shown; all are counted, and the largest is told.
-        differences = tables.table.differences(before, file, but=measured)
+        differences, compared = tables.table.differences(before, file, but=measured), True
         examples = list(islice(differences, SHOWN))
         count, largest = len(examples), max(examples, key=_size, default=None)
         for difference in differences:
             count += 1
             largest = max(largest or difference, difference, key=_size)
-        text = f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}"
+        text = f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}{but}"
         if largest is not None and not math.isnan(largest.relative):
             text += f", at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
         say(text)
         shown += examples[: SHOWN - len(shown)]
         same = same and not count
+    # Of a folder also what lies there and is not written now
+    here = told.file.absolute().parent
+    known = {before for _, before, _ in written}
+    for file in sorted(here.iterdir()) if told.is_folder else ():
+        if file.name.lower().endswith(TABLES) and file not in known:
+            say(f"{file.name}: is not written now, and not compared")
     # A run may end otherwise with the same peaks up to there.
     ends = [run.content.get("status") for run in (told, now)]
     if ends[0] != ends[1]:
         say(f"the run was {ends[0]} then, and is {ends[1]} now")
     elif ends[0] not in (None, "done"):
         say(f"the run was {ends[0]} then, and is so now")
+        compared = True
     if shown:
         emit_table(tables.table.Table.of_results(tables.table.DIFFERENCE, shown))
+    if same and not compared:
+        raise AnalysisError(f"{told.file}: nothing of what the command writes can be compared")
     return same and ends[0] == ends[1]
 
 

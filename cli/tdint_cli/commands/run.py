@@ -178,12 +178,8 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     if shocks:
         from tdint.analysis.run.sequence import run_sequence
 
-        # The errors of each shock alone take repetitions: only of one who asked for them.
-        settings["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **settings)
-    # A history, which a picture draws, has rows that are equally far from each other.
-    equal = bool(request.history_file or request.picture_file or request.report)
-    return run_case(case, duration=request.duration, equal=equal, **settings)
+    return run_case(case, duration=request.duration, **settings)
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -301,10 +297,9 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
     cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
-    steps = f"{response.dt:.6g}" if response.step_range is None else "{:.6g} to {:.6g}".format(*response.step_range)
     lines = [
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
-        f"{response.method}: {how_many(response.steps, 'step')} of {steps} s, "
+        f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Largest {_largest(response.model, response.stories, units, page)}.",
     ]
@@ -323,18 +318,19 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     # How far the peaks are off, as it is estimated
     if (check := response.check) and check.drift_error is not None:
-        runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
-        several = "runs" if len(check.dts) > 1 else "a run"
-        source = f"from {several} with dt {runs} s" if runs else "carried along in the run"
         if check.choice is not None:
             lines.append(_chosen(response, check.choice))
+        method, several = check.method.partition(":")[0], len(check.dts) > 1
+        dts = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
             f"{source}."
         )
-        if check.corrected is not None and check.drift_left is not None:
-            rest = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
-            lines.append(f"Corrected by it{rest}: largest {_largest(response.model, check.corrected, units, page)}.")
+        # Only where it differs in the digits that are told
+        nearer = check.corrected and _largest(response.model, check.corrected, units, page)
+        if nearer and nearer != _largest(response.model, response.stories, units, page):
+            lines.append(f"In that run: largest {nearer}.")
     return "\n".join(lines)
 
 
@@ -377,12 +373,6 @@ def _damage(response: Response, units: OutputUnits) -> str:
 
 def _chosen(response: Response, choice: StepChoice) -> str:
     """The step that was chosen, and what it costs."""
-    if response.step_range is not None:
-        runs = "in one run" if choice.runs == 1 else f"in the last of {choice.runs} runs"
-        return (
-            f"Steps chosen on the way for peak drifts within {100.0 * choice.tolerance:g} %, {runs}: "
-            f"{response.dt:.3g} s on average.\nIt takes {response.iterations} solves."
-        )
     line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:

@@ -278,15 +278,18 @@ def _aim(request: ScaleRequest) -> Any:
 
 def _doubts(scaling: Scaling) -> list[str]:
     """What a reviewer would ask about a suite."""
-    from tdint.campaign.scaling import BOUNDS, FEW
+    from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
 
     doubts = []
     if scaling.rule == "ec8" and len(scaling.motions) < FEW:
         doubts.append(f"{len(scaling.motions)} of the {FEW} motions that a mean needs at least")
-    if scaling.target is not None and (beyond := scaling.beyond(*BOUNDS)):
+    bounds, why = POSSIBLE, "outside which units are mistaken more often than factors meant"
+    if scaling.target is not None:
+        bounds, why = BOUNDS, "the bounds of common practice"
+    if beyond := scaling.beyond(*bounds):
         named = ", ".join(f"{name} {factor:.4g}" for name, factor in beyond[:5])
         named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
-        doubts.append(f"factors beyond {BOUNDS[0]:g} to {BOUNDS[1]:g}, the bounds of common practice: {named}")
+        doubts.append(f"factors beyond {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
     return doubts
 
 

@@ -74,7 +74,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     kind.check(request)
     request.check_plot()
     _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
-    sources = records_of(request.records, request.layout)
+    sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
     files_of = kind.gather(request, sources.files)
     output = Path(request.output) if request.output else None

@@ -272,14 +272,16 @@ folder; None where outputs go where they are typed."""
 class FileName(ValueType):
     """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
 
-    What is not `written` is read, and so never replaced by what the command writes.
+    What is not `written` is read, and so never replaced by what the command writes; `tables` are what its command is
+    for.
     """
 
     name = "file"
 
-    def __init__(self, *, folder: bool = False, written: bool = False) -> None:
+    def __init__(self, *, folder: bool = False, written: bool = False, tables: bool = False) -> None:
         self.kind = "dir" if folder else "file"
         self.written = written
+        self.tables = tables
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if not self.written:

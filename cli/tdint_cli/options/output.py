@@ -40,9 +40,9 @@ _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 """Ends of names that say of a table what it is not: whoever opens it is told that the file is damaged."""
 
 
-def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
-    """The option -o; what it names differs between the commands."""
-    kind = FileName(folder=metavar == "DIR", written=True)
+def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
+    """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may write again."""
+    kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
     return option("-o", "--output", type=kind, metavar=metavar, callback=_place, common=True, help=text)
 
 

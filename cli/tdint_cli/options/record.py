@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
+from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
 
@@ -222,6 +223,17 @@ of_record = grammar.together(record, units, component, layout, inventory, scale,
 
 of_motion = grammar.together(units, component, layout, inventory, scale, processing)
 """The same of a command that declares --record itself."""
+
+
+def warnings_of_suite(records: Sequence[Record]) -> list[str]:
+    """What was assumed of records and changes what their numbers mean: a line for each kind, with the first names."""
+    # Texts of one kind begin with the same words, and differ in a number.
+    kinds: dict[str, tuple[str, dict[str, None]]] = {}
+    for record in records:
+        for text in record.warnings:
+            _, names = kinds.setdefault(" ".join(text.split()[:3]), (text, {}))
+            names[f"{record.source} {record.component}".rstrip()] = None
+    return [f"{first_few(list(names), 3)}: {text}" for text, names in kinds.values()]
 
 
 def notes_of_components(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:

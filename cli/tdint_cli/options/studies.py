@@ -10,6 +10,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.grammar import FileName, PairsType, PairWish, Ratio
+from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
@@ -103,5 +104,5 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     note(*suite.notes)
     if not suite.motions:
         raise Failures(suite.failures)
-    warn(*dict.fromkeys(f"{record.source}: {text}" for record in suite.records for text in record.warnings))
+    warn(*warnings_of_suite(suite.records))
     return suite

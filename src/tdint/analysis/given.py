@@ -89,7 +89,9 @@ def model_record(model: Model) -> Record | None:
         return None
     from tdint.ground_motion.processing_steps import processed
     from tdint.ground_motion.reading.read import read_record
+    from tdint.ground_motion.reading.suites import records_of
 
+    records_of([source.file], source.choice)  # units by file must fit it
     record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record
 

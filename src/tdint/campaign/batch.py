@@ -14,14 +14,13 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.demands import RUN, demand_columns, demand_errors, demand_values
+from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import NO_STEP, STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import sequence_of, shocks_of
 from tdint.analysis.run.step_choice import step_within
-from tdint.analysis.run.together import run_together
+from tdint.analysis.run.together import Subject, run_together
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.errors import AnalysisError
@@ -104,8 +103,7 @@ class BuildingRuns(NamedTuple):
 
 class RunRow(NamedTuple):
     """The values of a run, those of `RUN` in their order, None or nan where there is none; the errors of the demands in
-    `RUN_WITH_ERROR`, where these were estimated, and these demands by the error that the run has carried along. A value
-    is found by its name, too: `row.status`."""
+    `RUN_WITH_ERROR`, where these were estimated. A value is found by its name, too: `row.status`."""
 
     building: int
     motion: int
@@ -113,7 +111,6 @@ class RunRow(NamedTuple):
     sample: int
     values: tuple[Any, ...]
     errors: tuple[float | None, ...] = ()
-    corrected: tuple[float | None, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
         if name not in _PLACES:
@@ -143,8 +140,7 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """The values of a story in a run, those of `STORY` in their order, their errors where these were estimated, and
-    the corrected ones where there are such."""
+    """The values of a story in a run, those of `STORY` in their order, and their errors where these were estimated."""
 
     building: int
     motion: int
@@ -154,7 +150,6 @@ class StoryRow(NamedTuple):
     height: float
     values: tuple[float, ...]
     errors: tuple[float, ...] = ()
-    corrected: tuple[float, ...] = ()
 
     def of(self, name: str) -> float:
         """The value of a quantity."""
@@ -184,10 +179,9 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
 
 def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
-    told = (check.errors, check.corrected) if check else (None, None)
     by_story: list[Iterable[tuple[float, ...]]] = [
         zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
-        for values in (stories, *told)
+        for values in (stories, check and check.errors)
     ]
     cells = zip(stories.height.tolist(), *by_story, strict=False)
     return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
@@ -369,7 +363,7 @@ class Batch:
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
-                row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors, corrected=())
+                row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors)
         return Rows(
             [row._replace(scale=run.scale)],
             [row_of_shock._replace(scale=run.scale) for row_of_shock in rows.stories],
@@ -426,8 +420,7 @@ class Batch:
             }
             row = self._row(job, statuses.get(i, "done"), outcomes.collapses.get(i), **values)
             if check:
-                corrected = demand_values(check.corrected) if check.corrected else ()
-                row = row._replace(errors=demand_errors(peaks, check.errors), corrected=corrected)
+                row = row._replace(errors=demand_errors(peaks, check.errors))
             results.runs.append(row)
             if self.settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, check)

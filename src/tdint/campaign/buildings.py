@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import ClassVar
 
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory import InventoryRow, derive_row

@@ -176,8 +176,6 @@ class CampaignRuns(Tabular):
         Records and buildings that could not be used.
     checked : bool
         Whether the errors of the demands were estimated.
-    corrected : bool
-        Whether there are demands that are corrected by the error that their run has carried along.
     """
 
     name: str
@@ -185,7 +183,6 @@ class CampaignRuns(Tabular):
     statuses: dict[str, int]
     failures: tuple[TdintError, ...]
     checked: bool
-    corrected: bool
     _rows: tuple[tuple[Any, ...], ...]
     _buildings: Mapping[int, tuple[str, str]]
     _records: Mapping[int, tuple[str, str, int]]
@@ -205,7 +202,6 @@ class CampaignRuns(Tabular):
             statuses=store.statuses(),
             failures=failures,
             checked=store.checked,
-            corrected=store.corrected,
             _rows=tuple(store.runs()),
             _buildings=buildings,
             _records=store.records(),

@@ -13,7 +13,7 @@ import numpy as np
 
 from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
 from tdint.campaign.ida_curve import (

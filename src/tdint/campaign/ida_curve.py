@@ -13,8 +13,8 @@ import numpy as np
 
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
 from tdint.analysis.run.outcome import UNSTABLE, FailedRun
-from tdint.analysis.run.run import Subject
 from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
+from tdint.analysis.run.together import Subject
 from tdint.arrays import Array
 from tdint.campaign.batch import Batch, Run, RunRow
 from tdint.errors import AnalysisError, UsageError
@@ -56,8 +56,6 @@ class IdaRun:
         Imbalance over the largest input energy; nan without a result.
     drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
         Estimated errors; nan where there are none.
-    corrected_drift_ratio, corrected_acceleration, corrected_residual_drift_ratio : float
-        The demands by the error that the run has carried along; nan where that does not do.
     """
 
     im: float
@@ -71,22 +69,15 @@ class IdaRun:
     drift_ratio_error: float = math.nan
     acceleration_error: float = math.nan
     residual_drift_ratio_error: float = math.nan
-    corrected_drift_ratio: float = math.nan
-    corrected_acceleration: float = math.nan
-    corrected_residual_drift_ratio: float = math.nan
 
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
         """What the row of a run at a level says."""
         names = [column.name for column in RUN_WITH_ERROR]
-        errors, corrected = (dict(zip(names, told, strict=False)) for told in (row.errors, row.corrected))
+        errors = dict(zip(names, row.errors, strict=False))
         values: dict[str, float | None] = {"energy_error": row.energy_error}
         for demand, name in _OF_ROW.items():
-            values |= {
-                demand: getattr(row, name),
-                f"{demand}_error": errors.get(name),
-                f"corrected_{demand}": corrected.get(name),
-            }
+            values |= {demand: getattr(row, name), f"{demand}_error": errors.get(name)}
         numbers = {name: math.nan if value is None else float(value) for name, value in values.items()}
         return cls(im, row.scale, row.status, finer=row.repeats, **numbers)
 

@@ -336,8 +336,7 @@ def read_motions(records: RecordFiles) -> FoundMotions:
     suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)) or "there is no record in this campaign")
-    said = [f"{record.source}: {record.component}: {text}" for record in suite.records for text in record.warnings]
-    return FoundMotions(suite_motions(suite.motions), suite.failures, (*suite.notes, *said))
+    return FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
 
 
 def read_sequences(sequences: SequenceFile) -> FoundMotions:
@@ -399,9 +398,7 @@ def _sequence(
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
-        notes |= dict.fromkeys(
-            (*suite.notes, *(f"{part.source}: {text}" for part in suite.records for text in part.warnings))
-        )
+        notes |= dict.fromkeys(suite.notes)
         of_shocks.append([record.scaled(shock.factor) for record in suite.records])
     # Components go together by their names; a single one goes with whatever the others have.
     names = [[record.component for record in records] for records in of_shocks]

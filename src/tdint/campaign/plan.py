@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
@@ -30,8 +30,7 @@ from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
-from tdint.model.plausibility import PGA, doubts, unusual
-from tdint.units import STANDARD_GRAVITY
+from tdint.model.plausibility import doubts
 from tdint.written_numbers import first_few
 
 _COLLAPSE_DRIFT = 0.10
@@ -281,9 +280,6 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     else:
         assert inputs.factors is not None
         levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
-    if inputs.assignment is None and not levels.of_value:  # else the motions do not act as they were read
-        peaks = {f"{motion.name} {motion.component}": motion.record.pga for motion in motions.motions}
-        notes += unusual(PGA, {name: peak / STANDARD_GRAVITY for name, peak in peaks.items()})
     ends = [campaign.settings.duration or building.wishes[1] for building in buildings[:_LOOKED_AT]]
     notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
     # A residual drift at the end of a record is still swinging.

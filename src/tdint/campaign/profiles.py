@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY
-from tdint.analysis.run.run import Subject, run_case
+from tdint.analysis.run.run import run_case
+from tdint.analysis.run.together import Subject
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
@@ -505,6 +506,7 @@ def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, r
         dt=dt,
         duration=settings.duration,
         history=True,
+        check=False,
         until_rest=settings.until_rest,
     )
     return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))

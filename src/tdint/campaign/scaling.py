@@ -48,6 +48,9 @@ FEW = 3
 BOUNDS = (0.25, 4.0)
 """Factors beyond which a motion is asked for what it was not: bounds of common practice, of no code."""
 
+POSSIBLE = (0.05, 20.0)
+"""Factors beyond which the units of a motion are more likely mistaken than meant."""
+
 MAXIMUM_DIRECTION = "rotd100"
 
 

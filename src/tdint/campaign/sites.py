@@ -374,11 +374,6 @@ class _FieldRecords:
                 raise RecordError(f"{error}: by its name it has no partner, which a column {_OTHER} may name")
             raise error
         self.notes += suite.notes
-        self.notes += [
-            f"{read_record.source}: {read_record.component}: {text}"
-            for read_record in suite.records
-            for text in read_record.warnings
-        ]
         return suite_motions(suite.motions)
 
     def _named_alike(self, file: str) -> list[str]:

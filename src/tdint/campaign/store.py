@@ -236,12 +236,6 @@ class Store:
         """Whether the errors of the demands are estimated."""
         return self.settings().get("check") == "true"
 
-    @property
-    def corrected(self) -> bool:
-        """Whether there are demands that are corrected by the error that their run has carried along."""
-        query = "SELECT EXISTS(SELECT 1 FROM run_rows WHERE corrected_peak_drift_m IS NOT NULL)"
-        return bool(self.connection.execute(query).fetchone()[0])
-
     def digests(self, table: str) -> dict[str, str]:
         """SHA-256 of the buildings or the records by their names."""
         name = "name" if table == "buildings" else "name || ' ' || component"

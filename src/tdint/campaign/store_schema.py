@@ -216,7 +216,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 # ---- Schema
 
-VERSION = "7"
+VERSION = "8"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
@@ -305,17 +305,14 @@ def _kinds(quantities: Iterable[Quantity], name: str) -> dict[str, type]:
 RUNS = RowTable(
     "run_rows",
     _KEY,
-    {one.column: one.kind for one in RUN} | _kinds(RUN_WITH_ERROR, "{}_error") | _kinds(RUN_WITH_ERROR, "corrected_{}"),
+    {one.column: one.kind for one in RUN} | _kinds(RUN_WITH_ERROR, "{}_error"),
     "runs",
     tuple(one.column for one in RUN if one.shown == HIDDEN),
 )
 STORIES = RowTable(
     "story_rows",
     _KEY | {"story": int},
-    {"height_m": float}
-    | {one.column: one.kind for one in STORY}
-    | _kinds(STORY, "{}_error")
-    | _kinds(STORY, "corrected_{}"),
+    {"height_m": float} | {one.column: one.kind for one in STORY} | _kinds(STORY, "{}_error"),
     "stories",
 )
 SHOCKS = RowTable(
@@ -351,8 +348,8 @@ TABLES = (
 
 def run_of(row: Sequence[Any]) -> RunRow:
     """The run whose plain values these are."""
-    key, values, errors = accumulate(map(len, (_KEY, RUN, RUN_WITH_ERROR)))
-    return RunRow(*row[:key], *map(tuple, (row[key:values], row[values:errors], row[errors:])))
+    key, values = accumulate(map(len, (_KEY, RUN)))
+    return RunRow(*row[:key], *map(tuple, (row[key:values], row[values:])))
 
 
 SEAL = "seal"

@@ -165,35 +165,6 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     )
 
 
-def last_samples(frames: bytes, version: int, samples: int) -> tuple[int, int]:
-    """The last sample that the first frame states, and the one that the differences lead to.
-
-    Parameters
-    ----------
-    frames : bytes
-        Frames, big-endian; at least one.
-    version : int
-        1 or 2.
-    samples : int
-        Number of samples, from 1 to `most_samples`.
-    """
-    words, codes, inner = _codes(frames, ">")
-    first, last = (int(word) for word in words[1:3].view(np.int32))
-    parts: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
-    for (code, second), (count, bits) in _TABLES[version].items():
-        places = np.flatnonzero((codes == code) & ((inner == second) if second is not None else True))
-        raw = words[places].astype(np.int64)
-        for j in range(count):
-            value = (raw >> (bits * (count - 1 - j))) & ((1 << bits) - 1)
-            value = np.where(value >> (bits - 1), value - (1 << bits), value)
-            parts.append((places * 8 + j, value))
-    order = np.argsort(np.concatenate([place for place, _ in parts]))
-    differences = np.concatenate([value for _, value in parts])[order]
-    # The first difference leads from the record before to the first sample, which is given.
-    end = first + int(np.sum(differences[1:samples]))
-    return last, (end + 2**31) % 2**32 - 2**31
-
-
 def _codes(frames: bytes, order: str) -> tuple[NDArray[np.uint32], NDArray[np.int64], NDArray[np.int64]]:
     """The words of whole frames, their codes, and the codes in their first two bits; each of shape (words,)."""
     whole = len(frames) // (4 * _WORDS) * _WORDS

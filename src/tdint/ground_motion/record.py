@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import OutputError, RecordError, UsageError
 from tdint.tabular import Tabular
+from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import how_many
 
 
@@ -24,6 +25,19 @@ class Input:
 
     file: str
     sha256: str
+
+
+_USUAL = (1e-4, 5.0)
+"""Peak accelerations of grounds and floors, g: below nobody feels it, above it is twice the largest ever recorded."""
+
+
+def doubt_of_peak(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
+    """What is to be said of a peak acceleration, m/s^2, that a wrong unit would explain; nothing of a usual one."""
+    low, high = _USUAL
+    if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
+        return ()
+    usual = f"usual: {low:g} g to {high:g} g"
+    return (f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual}: are the units of the record right?",)
 
 
 @dataclass(frozen=True, repr=False)

@@ -79,16 +79,12 @@ DISPLACEMENT = 0
 VELOCITY = 1
 ACCELERATION = 2
 FIRST_OLDER = 3
-ERROR_DISPLACEMENT = 3  # where the error is carried along: true less computed
-ERROR_VELOCITY = 4
 
 # load: over a step, in which the ground acceleration is linear
 TIME = 0
 GROUND_0 = 1
 GROUND_1 = 2
-GROUND_2 = 3  # second and third moment of what the ground acceleration has beyond that line
-GROUND_3 = 4
-LOAD_SIZE = 5
+LOAD_SIZE = 3
 
 # peaks: largest absolute values; as many rows more for what they may be where a step does not tell
 PEAK_DRIFT = 0
@@ -121,10 +117,8 @@ OMEGA = 3
 FORCE_COLUMNS = 4
 
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
-# and for all stories the shear, then the energies; where the error is carried along, then that of displacement and
-# velocity of all floors, and of all shears
+# and for all stories the shear, then the energies
 HISTORY_FIELDS = 4
-ERROR_FIELDS = 3
 
 # totals: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
 # the end of the run, J
@@ -173,9 +167,8 @@ POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
 OWN_WORK = 3  # 1 if the step tells what work it does
 FAST = 4  # 1 if the building has modes that the step does not follow
 ON_PATH = 5  # 1 if displacements follow parabolas within a step
-CARRIES_ERROR = 6  # 1 if the step carries the run's error along
-DEVICES = 7  # 1 if a story has a dashpot, linear or of a power law
-FLAGS_SIZE = 8
+DEVICES = 6  # 1 if a story has a dashpot, linear or of a power law
+FLAGS_SIZE = 7
 
 # flags[BRANCHES]
 NO_BRANCHES = 0
@@ -193,10 +186,7 @@ WORK_DAMPED = 6  # of the viscous dampers in the last step, J
 WORST_STORY = 7  # where the equations are farthest from balance, if they are
 RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
 EVENTS = 9  # changes of branch located so far
-# of the error carried along
-DOUBTFUL_STORY = 10  # the first one, from 1, that decides something which its error may decide otherwise; 0 for none
-DOUBTFUL_TIME = 11  # when, s
-REPORT_SIZE = 12
+REPORT_SIZE = 10
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

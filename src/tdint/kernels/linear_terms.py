@@ -54,35 +54,6 @@ def force_moment(forces, j, t, h):
     return 3.0 * h * share * force_rate(forces, j, t + 0.5 * h)
 
 
-@called
-def force_second(forces, j, t, h):
-    """180 mean((s^2 - 1/12) p) of floor force `j` over [t, t + h], N: of the part that is even about mid-step."""
-    k = forces[j, at.OMEGA] * h
-    q = k * k
-    if k < 0.5:
-        share = -q * (0.5 - q * (0.25 / 28.0 - q * 6.2004e-5))
-    else:
-        x = 0.5 * k
-        share = 360.0 * ((0.25 * math.sin(x) + math.cos(x) / k - 2.0 * math.sin(x) / q) / k) - 15.0 * math.sin(x) / x
-    return share * force_value(forces, j, t + 0.5 * h)
-
-
-@called
-def force_third(forces, j, t, h):
-    """mean(s (s^2 - 3/20) p) of floor force `j` over [t, t + h], N: of the part that is odd about mid-step."""
-    k = forces[j, at.OMEGA] * h
-    q = k * k
-    if k < 0.5:
-        share = -q * (1.0 / 16800.0 - q * 8.2672e-7)
-    else:
-        x = 0.5 * k
-        cubes = 2.0 * (
-            -0.125 * math.cos(x) + (0.75 * math.sin(x) + (3.0 * math.cos(x) - 6.0 * math.sin(x) / k) / k) / k
-        )
-        share = (cubes + 0.15 * math.cos(x) - 0.3 * math.sin(x) / k) / q
-    return share * h * force_rate(forces, j, t + 0.5 * h)
-
-
 @inlined
 def floor_load(linear_terms, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""

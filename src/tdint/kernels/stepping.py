@@ -66,8 +66,10 @@ SEEN = (TABLE, TABLE, TABLE, VECTOR, TABLE)
 
 
 class Span(NamedTuple):
-    """A step, or a piece of one: how long it is, the ground acceleration at its ends, and how floors move in it."""
+    """A step, or a piece of one: when it ends, how long it is, the ground acceleration at its ends, and how floors move
+    in it."""
 
+    t: float
     h: float
     ground_0: float
     ground_1: float

@@ -136,8 +136,8 @@ def _by_branches(coefficients, scene, h, load, memory):
         else:
             _arrive(True, linear_terms, law_parameters, state, springs, work)
         if BENDING and pieces > 0:
-            span = Span(piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False)
-            _look(scene, span, load[at.TIME] + done + piece, memory)
+            t = load[at.TIME] + done + piece
+            _look(scene, Span(t, piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False), memory)
             report[at.WITHIN] = ROW.PEAKS
             report[at.OWN_PEAKS] = ROW.PEAKS
         done += piece
@@ -250,8 +250,8 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
 
 
 @called
-def _look(scene, span, t, memory):
-    """Raise the peaks by what the motion has at the end of a piece, at time t, and, unless it is fast, within it."""
+def _look(scene, span, memory):
+    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within it."""
     state, springs, work, _ = memory
     turned = 0
     if not span.fast:
@@ -265,7 +265,7 @@ def _look(scene, span, t, memory):
         if FORCES:
             for j in range(scene.forces.shape[0]):
                 if scene.forces[j, at.FLOOR] == i:
-                    moved -= force_value(scene.forces, j, t)
+                    moved -= force_value(scene.forces, j, span.t)
         raise_peak(work, ROW.PEAKS + at.PEAK_TOTAL_SHEAR, i, moved)
         raise_peak(work, ROW.PEAKS + at.PEAK_DRIFT, i, drift)
         raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])

@@ -82,11 +82,6 @@ class Family:
         Whether the displacements follow parabolas within the step, along which the rates change as from end to end.
     prepare : callable, optional
         (building, forces, h) -> the step's coefficients, where they depend on the building.
-    with_error : Family, optional
-        The same steps with the run's error carried along: states of the drift laws, and work, have a second set of
-        columns for the motion that is corrected by it, and work the rows of `tdint.kernels.equations.carried.error`.
-    carries_error : bool
-        Whether this is such a family.
     """
 
     name: str
@@ -103,8 +98,6 @@ class Family:
     shifts: tuple[float, ...] = (0.0, 0.0, 1.0)
     parabolic: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
-    with_error: Family | None = None
-    carries_error: bool = False
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,8 @@ method of degree 2 in time (Betsch and Steinmann 2000).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import kernel
-from tdint.kernels.equations.carried.error import carry_error
-from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
 from tdint.kernels.equations.corners import look_at_corners
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
 from tdint.kernels.laws.choosing import BENDING
@@ -58,31 +54,13 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
 
 
-@kernel(STEP)
-def step_with_error(
-    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
-):
-    """The same step, and the error that the run has come to (`tdint.kernels.equations.carried.error`)."""
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
-    mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
-    code = move(coefficients, scene, h, memory)
-    if code < 0:
-        return code
-    if BENDING:
-        look_at_corners(scene, h, load, memory)
-    carry_error(scene, h, load, memory)
-    finish(coefficients, scene, h, memory)
-    return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
-
-
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """r, and 12 / (1 + 6 r), for a spectral radius rho_inf at infinity."""
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r)
 
 
-_FAMILY = Family(
+FAMILY = Family(
     "moment4",
     step,
     work_rows,
@@ -90,17 +68,6 @@ _FAMILY = Family(
     own_work=True,
     parabolic=True,
 )
-FAMILY = replace(
-    _FAMILY,
-    with_error=replace(
-        _FAMILY,
-        step=step_with_error,
-        work_rows=lambda modes: work_rows(modes) + ERROR_ROWS,
-        state_rows=STATE_ROWS,
-        carries_error=True,
-    ),
-)
-
 METHODS = (
     Method(
         name="moment4",

@@ -299,7 +299,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     base : Building
         Of the model as it is.
     values : mapping of str to ndarray, shape (draws,)
-        Values of parameters by name (`Model.replace`).
+        Values of parameters by name (`Model.replace`); nan where a draw leaves the number as it is.
 
     Raises
     ------
@@ -317,7 +317,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         for change in changes_of(model, name):
             place = change.story, change.column
             before = drawn.get(place, numbers[change.story][change.column])
-            drawn[place] = before * given if change.factor else given
+            # Draws that leave it as it is have nan.
+            drawn[place] = np.where(np.isnan(given), before, before * given if change.factor else given)
             set_laws |= {change.story} if change.of_law else set()
     _follow_laws(model, numbers, drawn, set_laws, draws)
 
@@ -358,7 +359,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     moved = any(column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn)
     damped = [model.damping] * draws
     if "damping" in values:
-        damped = [damped_by(model, ratio) for ratio in values["damping"].tolist()]
+        ratios = values["damping"].tolist()
+        damped = [model.damping if math.isnan(ratio) else damped_by(model, ratio) for ratio in ratios]
     modal, vibration = [], base.vibration
     for d in range(draws):
         if moved:

@@ -586,7 +586,8 @@ def changes_of(model: Model, name: str) -> list[Change]:
     said = _NAME.fullmatch(name)
     number, key = (said[1] or said[2], said[3]) if said else (None, name)
     if number and not 1 <= int(number) <= len(model.stories):
-        raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}")
+        counted = "" if int(number) else "; counting starts at 1"
+        raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}{counted}")
     places = [int(number) - 1] if number else range(len(model.stories))
     # In each story a key may mean another number: laws differ.
     columns = {i: _columns(model.stories[i]) for i in places}

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.ground_motion.record import doubt_of_peak
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
 from tdint.units import STANDARD_GRAVITY
@@ -42,7 +43,7 @@ class Usual:
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
 
 
-_SECONDS, _METERS, _GRAVITY = "{:.3g} s", "{:.3g} m", "{:.3g} g"
+_SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
 
 PERIOD = Usual(
     "fundamental period",
@@ -66,12 +67,9 @@ HEIGHT = Usual(
     "below it nobody stands, above it a hall ends: is the unit of length right?",
 )
 FLOOR = Usual(
-    "mass of a floor",
-    1e3,
-    1e8,
-    "{:.3g} kg",
-    "the floor of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
-)
+    "mass of a floor", 1e3, 1e8, "{:.3g} kg",
+    "that of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
+)  # fmt: skip
 STRENGTH = Usual(
     "yield force over the weight above:",
     0.005,
@@ -79,19 +77,8 @@ STRENGTH = Usual(
     "{:.3g}",
     "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
 )
-PGA = Usual(
-    "peak ground acceleration",
-    1e-4,
-    2.5,
-    _GRAVITY,
-    "the largest ever recorded are near 2 to 3 g, below 1e-4 g nobody feels it: are the units of the record right?",
-)
 COLLAPSE = Usual(
-    "collapse_drift",
-    0.0,
-    0.20,
-    "{:.3g}",
-    "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
+    "collapse_drift", 0.0, 0.20, "{:.3g}", "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1"
 )
 DUCTILITY = Usual(
     "ductility", 0.0, 50.0, "{:.3g}",
@@ -121,11 +108,11 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     for bound, value in (
         (PERIOD, 2.0 * math.pi / omega),
         (DAMPING, damping),
-        (PGA, pga / STANDARD_GRAVITY),
         (COLLAPSE, model.collapse_drift),
     ):
         if not bound.holds(value):
             told.append(bound.told(bound.text(value)))
+    told += doubt_of_peak(pga)
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
@@ -133,9 +120,8 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
 
 
 def unusual_floors(building: Building) -> list[str]:
-    """A line on floors too light or too heavy, for `tdint check`: a building of 200 kg for 200 t may have the period
-    and the strength over weight of the right one. Without heights of its stories a model may be one of a
-    laboratory or a textbook, and a period that is not usual is told instead."""
+    """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period may be usual. Models
+    without heights of stories may be of a laboratory or a textbook."""
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 

@@ -53,6 +53,9 @@ ON_SCREEN = PrintedAs()
 PRINTED: ContextVar[PrintedAs] = ContextVar("printed", default=ON_SCREEN)
 """What is asked for in the command that runs."""
 
+TRUSTED: ContextVar[bool] = ContextVar("trusted", default=True)
+"""Whether a style sheet may have programs started: not one that came with a file of somebody else."""
+
 _PART = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
 _QUOTED = re.compile(r"""'([^']*)'|"([^"]*)\"""")
 _LENGTH = re.compile(r"([0-9.]+)\s*([a-z]+)")

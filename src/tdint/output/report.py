@@ -26,7 +26,7 @@ from tdint.output.summary import campaign_summary, versions
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
-from tdint.output.tables.table import CORRECTED, TEXT, Cell, Table, converted
+from tdint.output.tables.table import TEXT, Cell, Table, converted
 from tdint.units import SI, OutputUnits, suffix
 from tdint.written_numbers import how_many
 
@@ -291,7 +291,7 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
         The spectra of its floors that were asked for.
     """
     model, check = response.model, response.check
-    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ())).in_units(units)
+    whole = story_table(response.stories, check.errors if check else None).in_units(units)
     # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
     damped = any(response.stories.peak_damper_force)
     places = {_quantity(whole, name): name for name in whole.columns}
@@ -318,10 +318,10 @@ def _quantity(table: Table, name: str) -> str:
 
 
 def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tuple[Part, ...]:
-    """The errors of these columns in percent, and the drifts that are corrected by them."""
+    """The errors of these columns in percent."""
     check = response.check
     if check is None or check.drift_error is None:
-        return ("The error of the time integration was not estimated; --check does.",)
+        return ("The error of the time integration was not told: --no-check leaves it out.",)
     cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
     # Ratios have the errors of their drifts, in percent the same ones.
     drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
@@ -332,10 +332,6 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
         columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
     labels = [_quantity(whole, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {"story": whole.meanings["story"]}
-    if (corrected := f"{CORRECTED}{drift}") in cells:
-        columns.append(cells[corrected])
-        labels.append(corrected)
-        meanings[corrected] = whole.meanings[corrected]
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
 
 

@@ -25,8 +25,7 @@ MEANINGS = {
     "story": ("1", "story of the failure or collapse, from 1 at the ground"),
     "residual": ("1", "forces out of balance over the story's forces"),
     "largest_stable_dt_s": ("s", "largest stable time step"),
-    "dt_s": ("s", "time step, the mean of those chosen on the way; of a record its sampling interval"),
-    "step_range_s": ("s", "shortest and longest step, where they were chosen on the way"),
+    "dt_s": ("s", "time step; of a record its sampling interval"),
     "steps": ("1", "time steps"),
     "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
     "iterations": ("1", "solves of the equations"),
@@ -48,7 +47,7 @@ MEANINGS = {
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
     "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
     "error": ("1", "imbalance of the energies over the largest input energy"),
-    "dts_s": ("s", "time steps of the repetitions that the errors come from; none where the run carried them along"),
+    "dts_s": ("s", "time step of the run that the errors come from; of a tolerance those of the pair"),
     "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
     "drift_error_story": ("1", "its story"),
     "tolerance": ("1", "what drift_error was asked to stay below"),
@@ -109,7 +108,6 @@ def run_summary(
         "name": response.model.name,
         "method": response.method,
         "dt_s": response.dt,
-        **({"step_range_s": list(response.step_range)} if response.step_range else {}),
         "steps": response.steps,
         "duration_s": response.steps * response.dt,
         "iterations": response.iterations,
@@ -257,6 +255,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         return None
     choice = check.choice
     return {
+        "method": check.method,
         "dts_s": list(check.dts),
         "drift_error": check.drift_error,
         "drift_error_story": check.drift_story,
@@ -266,7 +265,6 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
-        "corrected_errors": peak_errors(check.corrected, check.left) if check.corrected and check.left else None,
     }
 
 

@@ -159,7 +159,7 @@ def _softening_model() -> Model:
 @cache
 def softening_motion(dt: float, steps: int) -> Array:
     """The softening oscillator at the ends of the steps, m: gauss4 with 64 steps in one."""
-    fine = run(_softening_model(), method="gauss4", dt=dt / FINER, duration=dt * steps, history=True)
+    fine = run(_softening_model(), method="gauss4", dt=dt / FINER, duration=dt * steps, history=True, check=False)
     assert fine.history is not None
     return fine.history.displacement[::FINER, 0]
 
@@ -501,6 +501,7 @@ def _run(
             dt=dt,
             duration=dt * steps,
             history=True,
+            check=False,
             allow_unstable=allow_unstable,
         )
     except FailedRun as failure:

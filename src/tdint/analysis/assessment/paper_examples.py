@@ -220,7 +220,8 @@ def reference(example: Example, dt: float, method: str = "rk5", finer: int = FIN
     AnalysisError
         A step so large that even a part of it is too large.
     """
-    fine = run(example.model, method=method, dt=dt / finer, duration=_steps(example, dt) * dt, history=True)
+    end = _steps(example, dt) * dt
+    fine = run(example.model, method=method, dt=dt / finer, duration=end, history=True, check=False)
     return _motion(fine.history, finer)
 
 
@@ -258,8 +259,8 @@ def _motion(history: History | None, every: int = 1) -> ExampleMotion:
 
 
 def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    duration = _steps(example, dt) * dt
-    return _motion(run(example.model, method=integrator.label, dt=dt, duration=duration, history=True).history)
+    end = _steps(example, dt) * dt
+    return _motion(run(example.model, method=integrator.label, dt=dt, duration=end, history=True, check=False).history)
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:

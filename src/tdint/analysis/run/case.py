@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from operator import add, sub
 from typing import Any
@@ -22,8 +22,6 @@ from tdint.analysis.run.outcome import (
     Collapse,
     Energy,
     EnergyHistory,
-    ErrorEstimate,
-    ErrorHistory,
     FailedRun,
     History,
     Response,
@@ -38,9 +36,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
-from tdint.kernels.equations.carried.rows import error_peaks, struggled, unsettled
 from tdint.kernels.march.march import CODE
-from tdint.kernels.march.strides import LONGEST, SHORTEST, TAKEN
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
@@ -48,29 +44,6 @@ from tdint.model.plausibility import DUCTILITY, doubts, unusual_stories
 from tdint.written_numbers import how_many
 
 # ---- What a march left in its arrays, as results
-
-_ROUNDING = 1e-12
-"""Error over the peak that is always there."""
-
-_TINY = np.finfo(float).tiny
-
-_COMMON = 0.75
-"""Part of the middle story's error, over its peak, below which no story's is told. Of accelerations, total shears and
-drifts in frames 1.2, 1.2 and 1.1 % are then off by more than twice what is told with a half, .8, .5 and .9 % with
-this; of all told errors 17 % are more than twice the true one in place of 14."""
-
-_FAINT, _FAINT_LINEAR = 0.3, 0.1
-"""Part of the largest of the stories' errors, over the peak, below which none is corrected: of the largest one the
-correction leaves a tenth in one run of ten, and of others as much; more where stories have kinks, and of accelerations,
-in which the modes show that steps follow least."""
-
-_OF_STRUGGLE = 0.25
-"""Part of what the usual passes of the error's iteration left to correct that is told of it, though more of them have
-settled it: with dashpots that come to rest the error is some twentieth of that to all of it."""
-
-_OF_SWING = 0.3
-"""Part of the amplitude with which the error of a residual drift swings below which it is not told: with .1 to .5 a
-third of those off by more than twice is left, and the median stays."""
 
 Telling = Callable[[Building, Array, Array, Array], Array]
 """Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
@@ -122,60 +95,6 @@ def unresolved_errors(building: Building, space: Workspace, late: float) -> Stor
     return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
 
 
-def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
-    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that.
-
-    An error is what the corrected peak differs by, and what steps whose iteration did not settle left to correct. By
-    accident it may all but vanish at a peak, or at the end: none is taken for less than a part of the middle story's,
-    that of a residual drift for less than a part of what it swings by. A peak is not corrected by what is small
-    beside the other stories' errors, for that is what a correction leaves of them; nor, but in linear buildings, by
-    less than it is told to be in doubt by.
-    """
-    n = building.stories
-    first = error_peaks(building.modal.shape[0])
-    residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
-    peaks = space.work[first : first + at.PEAK_ROWS, :n].copy()
-    with np.errstate(over="ignore"):  # of an error that ran away
-        corrected = peaks_of(building, peaks, residual)
-    sizes = {field.name: getattr(stories, field.name) for field in fields(StoryErrors)}
-    sizes["residual_drift"] = stories.peak_drift
-    largest, modes = max(float(stories.peak_drift.max()), _TINY), building.modal.shape[0]
-    unsure = float(space.work[struggled(modes), n]) / largest
-    left = max(float(space.work[unsettled(modes), n]) / largest, _OF_STRUGGLE * unsure)
-    errors, taken, shifts, rate = {}, {}, {}, _of_drifts(building, space.state[at.ERROR_VELOCITY])
-    for name, size in sizes.items():
-        computed, shifted = getattr(stories, name), getattr(corrected, name)
-        off = np.abs(shifted - computed)
-        relative = np.divide(off, size, out=np.zeros_like(off), where=size > 0.0)
-        shifts[name] = off
-        if name == "residual_drift":
-            off = np.maximum(off, _OF_SWING * np.abs(rate) * _swing(space))
-        by_accident = off > _ROUNDING * size  # else there is none: the start is given
-        off = np.where(by_accident, not_by_accident(off, size), off)
-        errors[name] = np.maximum(off, np.maximum((_ROUNDING + left) * size, getattr(doubt, name)))
-        if building.linear:
-            faint = _FAINT if name == "peak_acceleration" else _FAINT_LINEAR
-            sure = relative >= faint * np.max(relative)
-        else:
-            sure = (shifts[name] >= errors[name]) & (relative >= max(_FAINT * float(np.max(relative)), unsure))
-        taken[name] = np.where(sure, shifted, computed)
-    told = StoryErrors(**errors)
-    story, time = int(space.report[at.DOUBTFUL_STORY]), float(space.report[at.DOUBTFUL_TIME])
-    doubtful = (story, time) if story else None
-    corrected = replace(corrected, **taken)
-    more = {"corrected": corrected, "left": told, "shifts": StoryErrors(**shifts), "doubtful": doubtful}
-    return ErrorEstimate.of(stories, told, dts=(), **more)
-
-
-def not_by_accident(error: Array, size: Array) -> Array:
-    """Errors of peaks of a size, shape (n,). Where one passes zero just at a peak, what is left is of higher order and
-    unknown: no story's is taken for less than a part of the middle story's, `_COMMON`."""
-    seen = (size > 0.0) & np.isfinite(error)
-    middle = np.median(np.divide(error, size, out=np.zeros_like(error), where=seen))
-    least = np.multiply(_COMMON * middle, size, out=np.zeros_like(error), where=size > 0.0)
-    return np.asarray(np.maximum(error, least))
-
-
 def energy_errors(totals: Array) -> Array:
     """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
     terms = dict(zip(ENERGY_TERMS, totals.T[: at.ENERGY_TERMS], strict=True))
@@ -204,19 +123,11 @@ def history_of(building: Building, forces: Array, space: Workspace, h: float, la
     start, largest = space.totals[at.ENERGY_START], space.totals[at.ENERGY_LARGEST] if largest is None else largest
     imbalance = reduce(sub, terms[1:], start + terms[0])
     missing = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
-    # The error stands behind the energies where the run has carried it along.
-    errors, error = table[:, behind + at.ENERGY_TERMS :], None
-    if errors.size:
-        displacement, velocity, shear = (errors[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
-        drift = displacement.copy()
-        drift[:, 1:] -= displacement[:, :-1]
-        error = ErrorHistory(displacement, velocity, drift, shear)
     return History(
         time=time,
         ground_acceleration=table[:, 0],
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=missing),
-        error=error,
-        **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},
+        **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},  # type: ignore[arg-type]
     )
 
 
@@ -329,7 +240,10 @@ class Case:
 
     @cached_property
     def _doubts(self) -> tuple[str, ...]:
-        return doubts(self.model, self.building, self.record.pga if self.record else math.nan)
+        # What is told of the record itself is not told again.
+        told = self.record.warnings if self.record else ()
+        pga = self.record.pga if self.record else math.nan
+        return tuple(text for text in doubts(self.model, self.building, pga) if text not in told)
 
     def under(self, record: Record | None) -> Case:
         """The same building and method under another ground motion."""
@@ -362,19 +276,6 @@ class Case:
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
         return choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
-
-    def carrying_error(self) -> tuple[Case | None, str]:
-        """The case with the error of its runs carried along; None, and why, where a run cannot.
-
-        Methods that never do need no reason.
-        """
-        family = self.method.family.with_error
-        if family is None:
-            return None, ""
-        if self.method.rho_inf != 1.0:
-            return None, f"{self.method.label} does not carry it along; rho_inf=1 does"
-        carrying = replace(self.method.method, family=family)
-        return replace(self, method=replace(self.method, method=carrying)), ""
 
     def march(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the steps.
@@ -517,9 +418,9 @@ class Case:
                 f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
                 "method: use a smaller step or another method",
             )
-        kept, carries = space.history.size, self.method.family.carries_error
+        kept = space.history.size
         history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
-        response = Response(
+        return Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
@@ -538,19 +439,7 @@ class Case:
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,
-            check=carried_error(self.building, space, stories, unresolved) if carries else None,
             warnings=tuple(warnings),
-        )
-        if space.choice is None:
-            return response
-        # The steps were chosen on the way: those that were taken are told in place of the units.
-        shortest, longest, taken = space.choice[[SHORTEST, LONGEST, TAKEN]].tolist()
-        return replace(
-            response,
-            dt=steps.h * steps.count / taken,
-            steps=int(taken),
-            step_range=(steps.h * shortest, steps.h * longest),
-            pieces=None,
         )
 
     def _notes(

@@ -272,9 +272,3 @@ def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]
     """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
     largest = Demands(**{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED})
     return tuple(float(quantity.value(largest)) for quantity in RUN_WITH_ERROR if quantity.value)
-
-
-def demand_values(stories: StoryPeaks) -> tuple[float, ...]:
-    """The demands of a run that have errors, in the order of `RUN_WITH_ERROR`."""
-    columns = demand_columns(stories)
-    return tuple(float(columns[quantity.name][0]) for quantity in RUN_WITH_ERROR)

@@ -9,6 +9,7 @@ from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
@@ -146,6 +147,45 @@ class StoryErrors(StoryValues):
     """Estimated absolute errors of the peaks of the same names, in their units; nan where unknown."""
 
 
+@dataclass(frozen=True, repr=False)
+class Gradient(StoryValues):
+    """Derivatives of the peaks of the same names, in their units over those of the parameters; arrays have the
+    parameters first, shape (parameters, n), of many runs (runs, parameters, n); nan where a neighbor has no result.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        What they are by, as asked for.
+    values : ndarray, shape (parameters,) or (runs, parameters)
+        The numbers at which they are taken, SI units; of factors 1.
+    doubt : StoryErrors
+        Half of what the differences to either side part by: rounding and curvature where the peak is smooth, the jump
+        at a kink. An indication, no bound.
+    history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
+        Derivatives of the histories that were kept.
+    by : str
+        How they were found.
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    doubt: StoryErrors
+    history: dict[str, NDArray[np.floating[Any]]]
+    by: str = "central differences"
+
+    def __repr__(self) -> str:
+        return f"<Gradient by {how_many(len(self.parameters), 'parameter')}: {self.by}>"
+
+    def of_run(self, number: int) -> Gradient:
+        """Those of one of many runs."""
+        kept = {name: array[number] for name, array in self.history.items()}
+        peaks, doubt = (
+            {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)} for of in (self, self.doubt)
+        )
+        both: dict[str, Any] = {**peaks, "doubt": StoryErrors(**doubt)}
+        return replace(self, **both, values=self.values[number], history=kept)
+
+
 @dataclass(frozen=True)
 class StepChoice:
     """A step that was chosen for a tolerance.
@@ -157,7 +197,7 @@ class StepChoice:
     runs : int
         Runs with other steps, or this one, that were made for it.
     samples : float or None
-        Sampling intervals of the record in the step; None without a record, and where steps were chosen on the way.
+        Sampling intervals of the record in the step; None without a record.
     solves_at_record : int or None
         Solves of a run with the record's own step, where there was one.
     """
@@ -170,44 +210,34 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """How far off a run is: by the error that it has carried along, or by what its repetition with smaller steps says.
+    """How far off a run is, by one more run (`tdint.analysis.run.error_estimate`).
 
     Attributes
     ----------
     errors : StoryErrors
         Estimated errors of the run's peaks.
     dts : tuple of float
-        The steps of the repetitions, or of the run whose corrected peaks tell it, s; none for an error that the run has
-        carried along itself.
+        The step of the run that tells them, s; none where that failed. Of a run that was chosen for a tolerance, the
+        steps of the pair.
     drift_error : float or None
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
         The story that has it, counted from 1.
+    method : str
+        The method of that run.
     choice : StepChoice or None
         How the step was chosen, if it was for a tolerance.
     corrected : StoryPeaks or None
-        The peaks of the motion that is corrected by the error carried along, by the run or by one with a smaller step:
-        nearer to the truth. A peak that is not surely corrected stays as computed. None where the
-        error comes from repetitions.
-    left : StoryErrors or None
-        What the corrected peaks may be off by: the told errors of the run that carried its error along; of peaks that
-        stay as computed besides what they differ by from those that it corrects.
-    shifts : StoryErrors or None
-        By how much the peaks of the motion with the error carried along differ, corrected by that or not; of the run.
-    doubtful : tuple of int and float, or None
-        The first story, from 1, that decides something for good which its error may decide otherwise, and when, s; of a
-        run that carries its error along.
+        The peaks of that run, nearer to the truth; None where a collapse ended the run.
     """
 
     errors: StoryErrors
     dts: tuple[float, ...]
     drift_error: float | None
     drift_story: int | None
+    method: str = ""
     choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
-    left: StoryErrors | None = None
-    shifts: StoryErrors | None = None
-    doubtful: tuple[int, float] | None = None
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
@@ -216,13 +246,6 @@ class ErrorEstimate:
         relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
         worst = int(np.argmax(relative))
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
-
-    @property
-    def drift_left(self) -> float | None:
-        """What a corrected peak drift may be off by, over that drift: the largest; None where none is corrected."""
-        if self.corrected is None or self.left is None:
-            return None
-        return ErrorEstimate.of(self.corrected, self.left, dts=()).drift_error
 
 
 Amount = TypeVar("Amount")
@@ -279,8 +302,7 @@ class EnergyHistory(EnergyTerms[Array]):
 
 @dataclass(frozen=True)
 class ErrorHistory:
-    """The error that a run, or one with smaller steps, has carried along at all steps, true less computed; shape
-    (steps + 1, n), nan where none does."""
+    """The error at all steps, true less computed, by the run that tells a run's errors; shape (steps + 1, n)."""
 
     displacement: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("floor",))]
     velocity: Annotated[Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))]
@@ -292,7 +314,7 @@ class ErrorHistory:
 class History(Tabular):
     """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n).
 
-    `error` is what all but the accelerations are off by, where the run has carried that along; else None.
+    `error` is what all but the accelerations are off by, where that was asked for; else None.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
@@ -314,11 +336,6 @@ class History(Tabular):
     def _headline(self) -> str:
         stories, steps = how_many(self.displacement.shape[1], "story"), how_many(len(self.time) - 1, "step")
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
-
-    def without_error(self) -> History:
-        """The same where the error that was carried along does not do: it is nan."""
-        unknown = np.full_like(self.drift, np.nan)
-        return replace(self, error=self.error and ErrorHistory(*(unknown for _ in fields(ErrorHistory))))
 
     @staticmethod
     def joined(pieces: Iterable[History]) -> History:
@@ -407,9 +424,7 @@ class Response(Tabular):
     method : str
         The method with all its parameters.
     dt, steps : float, int
-        Time step (s), the mean of those that were chosen on the way, and number of steps.
-    step_range : tuple of float or None
-        The shortest and the longest step, s, where they were chosen on the way.
+        Time step (s) and number of steps.
     iterations, halvings, events : int
         Solves; steps that were halved to converge; changes of branch that were located.
     march_time : float
@@ -425,7 +440,7 @@ class Response(Tabular):
     moving_drift : ndarray, shape (n,)
         Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
     check : ErrorEstimate or None
-        Estimated errors, if they were asked for.
+        Estimated errors, unless they were left out.
     pieces : callable or None
         Called with a number of steps, the history of every so many in pieces, made again: all memory need not hold.
     rest_time : float or None
@@ -437,6 +452,8 @@ class Response(Tabular):
     shocks : tuple of Shock
         Of a sequence what each shock did, up to the one in which the run ended; `record` and `stories` are those of the
         whole sequence.
+    gradient : Gradient or None
+        Derivatives of the peaks, if they were asked for (`tdint.analysis.run.gradient`).
     """
 
     model: Model
@@ -461,7 +478,7 @@ class Response(Tabular):
     pieces: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
     shocks: tuple[Shock, ...] = ()
-    step_range: tuple[float, float] | None = None
+    gradient: Gradient | None = None
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

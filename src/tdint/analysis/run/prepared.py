@@ -21,7 +21,6 @@ from tdint.analysis.run.workspace import (
     Instability,
     Steps,
     Workspace,
-    doubled_laws,
     find_instability,
     history_width,
     kernels,
@@ -40,7 +39,6 @@ from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.march import END_COLUMNS, many, march
 from tdint.kernels.march.observing import begin, raise_shears, take_stock
-from tdint.kernels.march.strides import ALLOWED, DRIFTS, FASTEST, PERIOD, march_in_strides
 from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.oscillators.modal_sums import largest_drifts
@@ -56,7 +54,7 @@ _RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which
 _PIECE = 0.1  # s
 _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 _PIECE_BYTES = 2**23  # of a piece of a history
-_KEPT = 4  # sets of coefficients that are kept: a run, its two repetitions with smaller steps, one more
+_KEPT = 4  # sets of coefficients that are kept: a run, the one that tells its errors, the next pair
 
 
 Loop = Callable[[Steps, int, int], int]
@@ -284,13 +282,6 @@ class PreparedBuilding:
             raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
         space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
         space.every = steps.count // rows if rows else 1
-        if steps.bound:
-            obtain([(march_in_strides, self.variant)])
-            space.choice = np.zeros(DRIFTS + self.building.stories)
-            space.choice[FASTEST] = self.building.fastest * steps.h / _RESOLVED
-            # Strides are limited by the fastest mode, and by what a stride may miss of the drifts.
-            space.choice[ALLOWED], space.choice[PERIOD] = steps.bound.allowed, self.period
-            space.choice[DRIFTS:] = steps.bound.drifts
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code = self._in_pieces(go, steps)
@@ -542,7 +533,7 @@ class PreparedBuilding:
         building = self.building
         arrays = (
             *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
-            *Scene(building.linear_terms, building.modal, doubled_laws(building, integrator), self.forces, space.flags),
+            *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
             *space.memory,
             np.zeros(at.LOAD_SIZE),
             *space.seen,
@@ -552,10 +543,6 @@ class PreparedBuilding:
 
         def go(steps: Steps, first: int, last: int) -> int:
             code: int
-            if steps.bound:
-                units = (steps.count, last, steps.per_sample, steps.stride, h)
-                code = march_in_strides.variant(self.variant)(*called, *units, space.choice, *arrays)
-                return code
             code = march.variant(self.variant)(
                 *called,
                 *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
@@ -569,8 +556,6 @@ class PreparedBuilding:
         """March over the steps that are left in pieces that take about `_PIECE`, between which Python can be
         interrupted. 0, or the code of the step that failed."""
         done, size = steps.done, max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1)
-        if steps.bound:
-            size *= steps.per_sample
         # The first piece is a guess; each next one is as long as the last one's pace allows, at most doubled.
         while True:
             last = min(done + size, steps.count)
@@ -600,9 +585,7 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
-    families = {parse(name).family.name: parse(name).family for name in catalogue()}
-    steps += [(item.with_error.step, EVERYTHING) for item in families.values() if item.with_error]
-    others = (many, march_in_strides, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    others = (many, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 
 

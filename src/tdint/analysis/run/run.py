@@ -3,90 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
 
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
-from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
+from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
-from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
-from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
-from tdint.methods.method import Integrator
-from tdint.model.definition import Model
-
-_parsed = lru_cache(maxsize=64)(parse)
-"""The method of a specification, read once for all buildings that share it."""
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A building and the method that integrates it; what follows from both is found once and kept.
-
-    Attributes
-    ----------
-    model : Model
-        The building; what it says of a record is not asked.
-    method : str
-        The method with its parameters.
-    """
-
-    model: Model
-    method: str
-
-    @cached_property
-    def prepared(self) -> PreparedBuilding:
-        """The building as arrays."""
-        return PreparedBuilding.of(self.model)
-
-    @cached_property
-    def integrator(self) -> Integrator:
-        """The method."""
-        return _parsed(self.method)
-
-    def case(self, record: Record | None, scale: float = 1.0) -> Case:
-        """The building under a ground motion times a factor, or at rest."""
-        scaled = record if record is None or scale == 1.0 else record.scaled(scale)
-        return Case(self.model, self.prepared, scaled, self.integrator)
-
-    def march_many(
-        self, motions: Motions, runs: Sequence[tuple[int, float, Steps]], rest: Rest | None = None
-    ) -> MarchedRuns:
-        """Integrate runs of one step in one compiled call.
-
-        Parameters
-        ----------
-        runs : sequence of (int, float, Steps)
-            The number of each one's ground motion, the factor on it, and its steps.
-        rest : Rest, optional
-            How long they go on with the ground at rest.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not integrate this building.
-        """
-        return self.prepared.march_many(
-            self.integrator,
-            runs[0][2].h,
-            motions.samples,
-            [motions.lane(*run) for run in runs],
-            collapse_drift=self.model.collapse_drift,
-            rest=rest,
-        )
-
-    @cached_property
-    def period(self) -> float:
-        """First period of the initial stiffness, s."""
-        return self.prepared.period
-
-    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
-        return Subject, (self.model, self.method)  # what was kept is found again where it goes
 
 
 def run(
@@ -98,9 +25,10 @@ def run(
     duration: float | None = None,
     history: bool = False,
     allow_unstable: bool = False,
-    check: bool | None = False,
+    check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
 ) -> Response:
     """Integrate a model in time.
 
@@ -119,17 +47,19 @@ def run(
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
     check : bool or None
-        Estimate the errors of the peaks (`Response.check`): moment4 carries them along in the run; the run of another
-        method, and one whose step is too long for that, is repeated with a half and a quarter of the step. A repetition
-        that fails leaves them unknown. None: if the run can carry them along, without repetitions.
+        Tell the errors of the peaks (`Response.check`), by one more run of impulse4 with half of the step; a failure of
+        that leaves them unknown. True: those of the history, too. False: none, in a third of the time.
     tolerance : float or str, optional
-        Take the largest step with which the estimated error of every peak drift is within this part of it: from
-        several sampling intervals of the record, or from dt where one is given, down to a 256th of either
-        (`tdint.analysis.run.step_choice`). moment4 chooses its steps on the way, unless dt is given, or a history is
-        kept, whose rows are equally far from each other. The response is checked.
+        Take the largest step with which the told error of every peak drift is within this part of it: from four
+        sampling intervals of the record, or from dt where one is given, down to a 256th of the record's step or of dt
+        (`tdint.analysis.run.step_choice`).
     until_rest : bool
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
         at rest then.
+    gradient : str or sequence of str
+        Names as those of `vary` of `run_many`: `stories[1].stiffness`, `damping`, `record.scale`. The derivatives of
+        the peaks, and of a history that is kept, by these numbers, of factors at 1, in `Response.gradient`: by
+        differences of two neighbors each, in one call of all.
 
     Returns
     -------
@@ -138,7 +68,7 @@ def run(
     Raises
     ------
     UsageError
-        An unknown method, a step that does not fit, or a tolerance that is none.
+        An unknown method, a step that does not fit, or a tolerance that is none; no number of that name.
     ModelError
         The model is none.
     RecordError
@@ -148,9 +78,15 @@ def run(
         (`FailedRun`).
     """
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
-    return run_case(
+    names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
+    response = run_case(
         case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
     )
+    if not names:
+        return response
+    from tdint.analysis.run.run_many import gradient_of
+
+    return replace(response, gradient=gradient_of(case, response, names))
 
 
 def prepare(
@@ -197,10 +133,9 @@ def run_case(
     dt: float | None = None,
     duration: float | None = None,
     history: bool = False,
-    check: bool | None = False,
+    check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
-    equal: bool = False,
 ) -> Response:
     """Integrate a case in time.
 
@@ -210,8 +145,6 @@ def run_case(
         From `prepare`.
     dt, duration, history, check, tolerance, until_rest
         As of `run`.
-    equal : bool
-        Steps that are equally long for a tolerance, too.
 
     Returns
     -------
@@ -230,14 +163,12 @@ def run_case(
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h
-        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance, equal=equal)
+        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance)
         response = ended_at_rest(response)
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
 
-        return choose_step(case, tolerance, dt=dt, duration=duration, history=history, equal=equal)
+        return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    if check is False:
-        return case.march(steps, history)
-    return checked_run(case, steps, history, repeat=check is not None)
+    return case.march(steps, history) if check is False else told_run(case, steps, history, of_history=bool(check))

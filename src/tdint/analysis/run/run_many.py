@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from importlib import import_module
@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, numbers_of, record_of
 from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.outcome import STORY, History, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slopes
+from tdint.analysis.run.outcome import STORY, Gradient, History, Response, StoryErrors, StoryPeaks, StoryValues
 from tdint.analysis.run.prepared import MarchedRuns, Motions
-from tdint.analysis.run.run import Subject
-from tdint.analysis.run.together import run_drawn, run_together
+from tdint.analysis.run.together import Subject, run_drawn, run_together
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
-from tdint.errors import AnalysisError, UsageError, did_you_mean
+from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -79,6 +80,8 @@ class Runs(Tabular):
         those of `ErrorEstimate`, of shape (runs, stories), nan where there is none.
     varied : mapping of str to ndarray, shape (runs,)
         What was varied, by name; `models` has the buildings as they were given.
+    gradient : Gradient or None
+        Derivatives of the peaks, if they were asked for.
     """
 
     models: tuple[Model, ...]
@@ -98,6 +101,7 @@ class Runs(Tabular):
     errors: StoryErrors | None = None
     corrected: StoryPeaks | None = None
     varied: dict[str, Array] = field(default_factory=dict)
+    gradient: Gradient | None = None
 
     @property
     def time(self) -> Array:
@@ -154,6 +158,8 @@ def run_many(
     product: bool = False,
     progress: bool | Progress = False,
     partial: bool = False,
+    gradient: str | Sequence[str] = (),
+    errors: str = "raise",
 ) -> Runs:
     """Integrate every building, in every draw of its numbers, under every ground motion at every scale; in that order,
     the scales fastest.
@@ -188,15 +194,23 @@ def run_many(
     check : bool
         Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run again twice.
     vary : mapping of str to array, optional
-        Numbers of the buildings that are changed, by the names of `Model.replace`, in SI units, and `record.scale`, a
-        factor on the scales: a value for each draw, arrays of one length. Each building is put together once and its
-        arrays are changed from run to run. `Runs.varied` has the values of each run.
+        Numbers of the buildings that are changed, in SI units, a value for each draw, arrays of one length: `damping`,
+        `mass_factor`, `stiffness_factor`, `strength_factor`; of story 3 (counting starts at 1, and without a number all
+        stories are meant) `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
+        `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the three factors; and
+        `record.scale`, a factor on the scales. Each building is put together once and its arrays are changed from run
+        to run. `Runs.varied` has the values of each run.
     product : bool
         All combinations of the values of `vary`, the last name fastest, in place of draws.
     progress : bool or callable
         A bar on a terminal or in a notebook, by tqdm, or what is told how many runs are done, of how many.
     partial : bool
         Of an interrupt (Ctrl-C) give the runs that are done; the status of the others is `interrupted`.
+    gradient : str or sequence of str
+        Names as those of `vary`: the derivatives by these numbers of the peaks, and of the histories that are kept, of
+        each run at its own draw (`Runs.gradient`); of factors at 1. Two more runs for each name and run.
+    errors : str
+        `raise`, or `keep`: a draw out of range keeps its row, without numbers, with the status `out-of-range`.
 
     Returns
     -------
@@ -206,7 +220,7 @@ def run_many(
     ------
     UsageError
         An unknown method or quantity, a step that does not fit a record, an array of another shape; a name that cannot
-        be varied, or a value out of range; progress without tqdm.
+        be varied, or a value out of range.
     ModelError, RecordError
         A model or a record is none.
     AnalysisError
@@ -220,7 +234,10 @@ def run_many(
     subjects = tuple(Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings)
     methods = tuple(subject.integrator.label for subject in subjects)
     work = _RunsRequest(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, drawn)
-    plan = _planned(work, scales, paired)
+    if errors not in ("raise", "keep"):
+        raise UsageError(f"errors is 'raise' or 'keep', got {errors!r:.60}")
+    lost = work.out_of_range() if errors == "keep" else {}
+    plan = _planned(work, scales, paired, {draw for _, draw in lost})
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a whole number of steps, 1 at least, got {every!r:.60}")
@@ -233,6 +250,10 @@ def run_many(
     if file:
         optional("pyarrow", "a Parquet file", "parquet")
     result = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
+    for run in plan if lost else ():
+        if (run.model, run.draw) in lost:
+            result.status[run.number], result.failures[run.number] = OUT_OF_RANGE, lost[run.model, run.draw]
+    plan = [run for run in plan if (run.model, run.draw) not in lost]
     # The threads share the runs in small parts, so that they end together.
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
     stop, marching = Event(), Semaphore(threads)
@@ -256,6 +277,8 @@ def run_many(
             marching.acquire()
         result.failures.update(dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN))
     runs = replace(result, failures=dict(sorted(result.failures.items())))
+    if names := [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient)):
+        runs = replace(runs, gradient=_differentiated(work, plan, runs.stories, runs.history, every, names, threads))
     if file:
         runs.to_parquet(file)
     return runs
@@ -264,9 +287,10 @@ def run_many(
 INTERRUPTED = "interrupted"
 """The status of a run that was not made."""
 
+OUT_OF_RANGE = "out-of-range"
+"""The status of a run whose draw is none."""
+
 _NOT_RUN = "interrupted before it was run"
-SCALE = "record.scale"
-"""What of `vary` is not the building's: a factor on the ground motion."""
 
 
 def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
@@ -321,8 +345,10 @@ class _RunsRequest:
     def varied(self, model: int, draw: int) -> Subject:
         """A building in one of the draws, by itself."""
         subject = self.subjects[model]
+        numbers = {name: float(values[draw]) for name, values in self.of_buildings.items()}
+        # What is nan stays as it is: neighbors of a run (`_differentiated`) differ in one number each.
         return Subject(
-            subject.model.changed({name: float(values[draw]) for name, values in self.of_buildings.items()}),
+            subject.model.changed({name: number for name, number in numbers.items() if not math.isnan(number)}),
             subject.method,
         )
 
@@ -335,17 +361,34 @@ class _RunsRequest:
         hangs = method.family.prepare is not None or method.stability_limit != math.inf
         return run.draw if self.check or history or hangs or f"method {method.method.name}" in CODE else -1
 
-    def check_draws(self) -> None:
-        """Raise UsageError for a name or a value that some building does not have."""
-        for name, values in self.of_buildings.items():
+    def check_draws(self, but: Set[int]) -> None:
+        """Raise UsageError for a name or a value that some building does not have, but for the values of some draws."""
+        taken = [draw for draw in range(self.draws) if draw not in but]
+        for name, of_draws in self.of_buildings.items():
             check_parameter(name)
+            values = of_draws[taken] if but else of_draws
             for value in np.unique(values).tolist():
                 check_value(name, value)
             for subject in self.subjects:
                 for change in changes_of(subject.model, name):
-                    change.check(name, *(float(end) for end in (values.min(), values.max())))
+                    change.check(name, *map(float, (values.min(), values.max()) if values.size else ()))
                 if name == "damping":
-                    damped_by(subject.model, float(values[0]))
+                    damped_by(subject.model, 0.0)
+
+    def out_of_range(self) -> dict[tuple[int, int], str]:
+        """The draws, each with its building, that give none, and why."""
+        lost = dict[tuple[int, int], str]()
+        for model, draw in combined(range(len(self.subjects)), range(self.draws)):
+            try:
+                for name, values in self.of_buildings.items():
+                    check_value(name, float(values[draw]))
+                _ = self.varied(model, draw).prepared
+                scale = float(self.vary.get(SCALE, np.ones(self.draws))[draw])
+                if not (math.isfinite(scale) and scale):
+                    raise UsageError(f"{SCALE} must be a number other than zero, got {scale!r}")
+            except (UsageError, ModelError) as error:
+                lost[model, draw] = str(error)
+        return lost
 
     @cached_property
     def stories(self) -> int:
@@ -360,13 +403,13 @@ def _several(given: Any, name: str) -> Sequence[Any]:
     return items
 
 
-def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool) -> list[_Run]:
+def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool, lost: Set[int]) -> list[_Run]:
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
-    work.check_draws()
+    work.check_draws(lost)
     of_draws = work.vary.get(SCALE, np.ones(work.draws)).tolist()
-    if not all(math.isfinite(factor) and factor for factor in of_draws):
+    if not all(math.isfinite(factor) and factor for draw, factor in enumerate(of_draws) if draw not in lost):
         raise UsageError(f"{SCALE} must be numbers other than zero")
     if paired:
         # Each list has the common length, or one member that stands for all.
@@ -537,4 +580,88 @@ def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Se
         every=result.every,
         see=see,
         collapse_drift=subject.model.collapse_drift,
+    )
+
+
+# ---- Derivatives: runs of neighbors, two for each number, as draws of their own
+
+
+def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradient:
+    """Derivatives of a run that was made by itself, and of its history, if that was kept."""
+    if case.allow_unstable:
+        raise UsageError("gradient: not with allow_unstable: what a step beyond its limit gives has no derivative")
+    label, dt = case.method.label, response.dt
+    record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
+    subject = Subject(case.model, label)
+    work = _RunsRequest((subject,), (label,), (record,), None, None, False, {})
+    plan = [_Run(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
+    peaks = StoryPeaks(**{one.name: getattr(response.stories, one.name)[None] for one in fields(StoryPeaks)})
+    kept = {name: getattr(response.history, own)[None] for name, own in KEPT.items()} if response.history else {}
+    return _differentiated(work, plan, peaks, kept, 1, names, processors()).of_run(0)
+
+
+def _differentiated(
+    work: _RunsRequest,
+    plan: Sequence[_Run],
+    peaks: StoryPeaks,
+    history: Mapping[str, NDArray[np.floating[Any]]],
+    every: int,
+    names: Sequence[str],
+    threads: int,
+) -> Gradient:
+    """Derivatives of the runs of a plan, whose peaks and histories are known, by numbers of buildings and scales."""
+    # Each building in each of its draws has numbers of its own, and two neighbors of each.
+    numbers, near = dict[tuple[int, int], list[float]](), dict[tuple[int, int], list[tuple[float, float]]]()
+    for site in dict.fromkeys((run.model, run.draw) for run in plan):
+        model = work.varied(*site).model
+        numbers[site] = [
+            float(work.vary[name][site[1]]) if name in work.vary else number_at(model, name) for name in names
+        ]
+        near[site] = [neighbors(model, name, number) for name, number in zip(names, numbers[site], strict=True)]
+    # A draw for each neighbor: what it leaves as it is has the value of its site's own draw, or nan.
+    draws = {key: draw for draw, key in enumerate(combined(near, range(len(names)), range(2)))}
+    origin = [draw for (_, draw), _, _ in draws]
+    columns = {name: column[origin] for name, column in work.of_buildings.items()}
+    columns |= {name: np.full(len(draws), math.nan) for name in names if name not in columns and name != SCALE}
+    for (site, i, side), draw in draws.items():
+        if names[i] != SCALE:
+            columns[names[i]][draw] = near[site][i][side]
+    around = list[_Run]()
+    for run, i, side in combined(plan, range(len(names)), range(2)):
+        site = run.model, run.draw
+        factor = near[site][i][side] / numbers[site][i] if names[i] == SCALE else 1.0
+        draw = draws[site, i, side]
+        around.append(run._replace(number=len(around), draw=draw, scale=run.scale * factor))
+    of_near = replace(work, vary=columns, check=False)
+    result = _unfilled(of_near, around, every, _room(of_near, around, tuple(history), every, None))
+    size = max(1, min(_AT_ONCE, math.ceil(len(around) / threads)))
+    parts = [around[first : first + size] for first in range(0, len(around), size)]
+    for _ in on_threads(partial(_march, of_near, result), parts, threads):
+        pass
+
+    # Rows of runs that were not made stay empty.
+    rows = [run.number for run in plan]
+    offsets = np.array([near[run.model, run.draw] for run in plan])
+    values = np.array([numbers[run.model, run.draw] for run in plan])
+    offsets = offsets - values[:, :, None]
+
+    def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        both = slopes(base[rows], neighboring.reshape(*offsets.shape, *base.shape[1:]), offsets)
+        filled = [np.full((len(base), len(names), *base.shape[1:]), math.nan) for _ in both]
+        for array, of_runs in zip(filled, both, strict=True):
+            array[rows] = of_runs
+        return filled[0], filled[1]
+
+    of_peaks: dict[str, Any] = {
+        one.name: differences(getattr(peaks, one.name), getattr(result.stories, one.name))
+        for one in fields(StoryErrors)
+    }
+    all_values = np.full((len(peaks.peak_drift), len(names)), math.nan)
+    all_values[rows] = values
+    return Gradient(
+        **{name: derivative for name, (derivative, _) in of_peaks.items()},
+        parameters=tuple(names),
+        values=all_values,
+        doubt=StoryErrors(**{name: doubt for name, (_, doubt) in of_peaks.items()}),
+        history={name: differences(array, result.history[name])[0] for name, array in history.items()},
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from tdint.analysis.given import number_of
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
-from tdint.analysis.run.error_estimate import FINER, story_errors
+from tdint.analysis.run.error_estimate import reference, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps, finer
@@ -100,7 +100,7 @@ def run_sequence(
     rest: float | None = None,
     dt: float | None = None,
     history: bool = False,
-    check: bool = False,
+    check: bool | None = None,
     tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
@@ -141,7 +141,6 @@ def run_sequence(
         check=check,
         tolerance=tolerance,
         until_rest=until_rest,
-        equal=True,
     )
     # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
@@ -149,17 +148,14 @@ def run_sequence(
 
 
 def shocks_of(joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False) -> tuple[Shock, ...]:
-    """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors by repetition."""
+    """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors by one more run."""
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
-    finer_runs = []
-    for _ in range(FINER):
-        steps = finer(steps)
-        finer_runs.append(_parts(joined, sequence, steps))
+    others = _parts(reference(joined), sequence, finer(steps))
     return tuple(
-        replace(shock, errors=story_errors(shock, others))
-        for shock, *others in zip(shocks, *finer_runs, strict=False)  # a finer run may end earlier
+        replace(shock, errors=story_errors(shock, other))
+        for shock, other in zip(shocks, others, strict=False)  # the finer run may end earlier
     )
 
 

@@ -10,20 +10,92 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case, doubtful, energy_errors, peaks_of, until_rest, windows
-from tdint.analysis.run.error_estimate import checked_run, ended_at_rest
+from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
-from tdint.analysis.run.prepared import MarchedRuns, Motions
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
+from tdint.ground_motion.record import Record
 from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings
+from tdint.model.definition import Model
+
+_parsed = lru_cache(maxsize=64)(parse)
+"""The method of a specification, read once for all buildings that share it."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A building and the method that integrates it; what follows from both is found once and kept.
+
+    Attributes
+    ----------
+    model : Model
+        The building; what it says of a record is not asked.
+    method : str
+        The method with its parameters.
+    """
+
+    model: Model
+    method: str
+
+    @cached_property
+    def prepared(self) -> PreparedBuilding:
+        """The building as arrays."""
+        return PreparedBuilding.of(self.model)
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The method."""
+        return _parsed(self.method)
+
+    def case(self, record: Record | None, scale: float = 1.0) -> Case:
+        """The building under a ground motion times a factor, or at rest."""
+        scaled = record if record is None or scale == 1.0 else record.scaled(scale)
+        return Case(self.model, self.prepared, scaled, self.integrator)
+
+    def march_many(
+        self, motions: Motions, runs: Sequence[tuple[int, float, Steps]], rest: Rest | None = None
+    ) -> MarchedRuns:
+        """Integrate runs of one step in one compiled call.
+
+        Parameters
+        ----------
+        runs : sequence of (int, float, Steps)
+            The number of each one's ground motion, the factor on it, and its steps.
+        rest : Rest, optional
+            How long they go on with the ground at rest.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        return self.prepared.march_many(
+            self.integrator,
+            runs[0][2].h,
+            motions.samples,
+            [motions.lane(*run) for run in runs],
+            collapse_drift=self.model.collapse_drift,
+            rest=rest,
+        )
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return self.prepared.period
+
+    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
+        return Subject, (self.model, self.method)  # what was kept is found again where it goes
+
 
 RunOfMotion = tuple[int, float, Steps]
 """The number of a ground motion, the factor on it, and the steps."""
@@ -191,5 +263,5 @@ def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: boo
         steps, came = until_rest(case, steps)
         at_rest = int(came)
         steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
-    response = (checked_run if check else Case.march)(case, steps, history)
+    response = (told_run if check else Case.march)(case, steps, history)
     return (ended_at_rest(response) if to_rest else response), at_rest

@@ -15,7 +15,6 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import begin, raise_shears, take_stock
@@ -36,8 +35,7 @@ _WITH_RESULTS = 2.5
 class Workspace:
     """What a march reads and writes; all tables have one column per story and one that stays zero.
 
-    Of the history every so many steps have a row, and some rows stand before those that are there. `choice` is what
-    strides are chosen by on the way, if they are.
+    Of the history every so many steps have a row, and some rows stand before those that are there.
     """
 
     state: Array
@@ -52,14 +50,11 @@ class Workspace:
     history: Array
     every: int = 1
     before: int = 0
-    choice: Array | None = None
 
     def forget_peaks(self, integrator: Integrator, modes: int) -> None:
         """Look for peaks anew, also where the method keeps some of its own."""
         self.peaks[:] = 0.0
         firsts = [int(self.report[at.OWN_PEAKS])] if self.report[at.OWN_PEAKS] else []
-        if integrator.family.carries_error:
-            firsts.append(error_peaks(modes))
         for first in firsts:
             self.work[first : first + 2 * at.PEAK_ROWS] = 0.0
 
@@ -99,7 +94,6 @@ def workspace(
     flags[at.POWER_DAMPERS] = building.power_damped
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
-    flags[at.CARRIES_ERROR] = family.carries_error
     flags[at.DEVICES] = building.damped_by_devices
     width = history_width(building, integrator)
     if rows:
@@ -119,8 +113,8 @@ def workspace(
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(doubled_laws(building, integrator)),
-        work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
+        springs=spring_table(building.law_parameters),
+        work=np.zeros((family.work_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
         report=np.zeros(at.REPORT_SIZE),
         watch=np.zeros((at.WATCH_ROWS, n + 1)),
@@ -133,17 +127,7 @@ def workspace(
 
 def history_width(building: Building, integrator: Integrator) -> int:
     """Numbers in a row of the history."""
-    fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if integrator.family.carries_error else 0)
-    return 1 + fields * building.stories + at.ENERGY_TERMS
-
-
-def doubled_laws(building: Building, integrator: Integrator) -> Array:
-    """The laws; twice where the error is carried along."""
-    return (
-        np.hstack([building.law_parameters, building.law_parameters])
-        if integrator.family.carries_error
-        else building.law_parameters
-    )
+    return 1 + at.HISTORY_FIELDS * building.stories + at.ENERGY_TERMS
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
@@ -291,31 +275,12 @@ def largest_stable(stable: Callable[[float], bool], h: float) -> float:
 _SAME = 1e-9  # steps that differ by less than this part are the same
 
 
-@dataclass(frozen=True, eq=False)
-class Bound:
-    """What strides are chosen by on the way (`tdint.kernels.march.strides`).
-
-    Attributes
-    ----------
-    allowed : float
-        What a stride may miss; the error of a run goes with it.
-    drifts : ndarray, shape (n,)
-        What the peak drifts of the stories are taken for at least, m.
-    """
-
-    allowed: float
-    drifts: Array
-
-
 @dataclass(frozen=True)
 class Steps:
     """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
 
     They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count` so many may be
     `done`.
-
-    With a `bound` these are units: steps of 1, 2, 4 ... `stride` of them are chosen on the way, and `per_sample` are a
-    sampling interval.
     """
 
     h: float
@@ -324,7 +289,6 @@ class Steps:
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
     done: int = 0
-    bound: Bound | None = field(default=None, compare=False)
 
     @property
     def late(self) -> float:

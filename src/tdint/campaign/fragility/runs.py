@@ -241,6 +241,9 @@ class TypeDamage:
         The mean loss of all of them together; arrays of one number, nan without costs.
     part : str
         What stands in the column of the inventory by which buildings are taken together.
+    scatter : tuple of two floats
+        Standard deviation of the money, or without costs of the mean loss ratio: with losses of the buildings that are
+        independent of each other, and fully correlated.
     """
 
     type: str
@@ -257,6 +260,7 @@ class TypeDamage:
     value: float
     money: Mean
     part: str = ""
+    scatter: tuple[float, float] = (0.0, 0.0)
 
 
 class _Group:
@@ -267,11 +271,18 @@ class _Group:
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
         self._sums: dict[int, Array] = {}
         self._money: dict[int, Array] = {}
+        self._scatter = np.zeros((2, 2))  # of money, and of the loss ratio: sums of variances, and of deviations
 
     def add(
-        self, of: BuildingDamage, chosen: NDArray[np.bool_], motions: NDArray[np.intp], value: float = math.nan
+        self,
+        of: BuildingDamage,
+        chosen: NDArray[np.bool_],
+        motions: NDArray[np.intp],
+        value: float = math.nan,
+        number: float = 1.0,
     ) -> None:
-        """Take the runs of a building at one level, which costs a value; motions tells which one each run is under."""
+        """Take the runs of a building at one level; motions tells which one each run is under. It costs a value, that
+        of a `number` of buildings alike."""
         counted = chosen & of.known
         self.buildings += 1
         self.runs += int(np.sum(chosen))
@@ -284,6 +295,13 @@ class _Group:
             if of.states.losses and value == value:  # its runs share what it costs
                 share = value / float(np.sum(counted)) * added[[0, -2]]
                 self._money[motion] = self._money[motion] + share if motion in self._money else share
+        # How its loss scatters: from run to run, and with the thresholds of its states.
+        if of.states.losses and counted.any() and number > 0.0:
+            mean = float(of.loss[counted].mean())
+            deviation = math.sqrt(max(float(of.squared_loss[counted].mean()) - mean**2, 0.0))
+            for sums, worth in zip(self._scatter, (value, float(np.sum(counted))), strict=True):
+                if worth == worth:
+                    sums += (worth * deviation) ** 2 / number, worth * deviation
 
     def damage(self, name: str, building: str, event: str, level: float, part: str = "") -> TypeDamage:
         """What the runs tell."""
@@ -298,6 +316,8 @@ class _Group:
             sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
         # The mean over motions of what is lost, as a part of what the buildings cost under each.
         value, money = math.nan, Mean(np.full(1, math.nan), np.full(1, math.nan))
+        squares, deviations = self._scatter[0 if self._money else 1].tolist()
+        whole = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         if self._money:
             rows = np.array(list(self._money.values()))
             value = float(rows[:, 0].sum())
@@ -318,6 +338,7 @@ class _Group:
             value,
             money,
             part,
+            (math.sqrt(squares) / whole, deviations / whole),
         )
 
 
@@ -348,7 +369,8 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
     for of in building_damages(store):
         cells = dict(zip(columns, store.carried(of.number), strict=False)) if COST in columns or by else {}
         # A row of an inventory may stand for several buildings, each of this cost.
-        value = cell_number(cells.get(COST, "")) * (cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0)
+        number_alike = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+        value = cell_number(cells.get(COST, "")) * number_alike
         name = of.type if by is None else cells.get(by.lower(), "")
         motions = np.array([motion_of[record] for record, _, _ in of.keys])
         event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
@@ -356,7 +378,7 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
         for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
             chosen, key = (of.rank == rank) & (event == number), (name, number, rank)
             group = _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))
-            group.add(of, chosen, motions, value)
+            group.add(of, chosen, motions, value, number_alike)
             if by_building:
                 yield told(group, of.building, key)
     for key in sorted(of_types):

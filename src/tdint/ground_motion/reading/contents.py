@@ -211,6 +211,14 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
         return True
 
 
+def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
+    """Names and formats of the records in a file: of itself, or of those in an archive. Errors are `read_bytes`'."""
+    data = read_bytes(source)
+    parts = members(data, source) if is_archive(data) else [(source, data)]
+    known = [(part, _format_of(content, layout)) for part, content in parts]
+    return [(part, plugin.name) for part, plugin in known if plugin]
+
+
 def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, Contents]]:
     """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
     parts = [(source, data)]

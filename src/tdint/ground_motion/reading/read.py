@@ -21,7 +21,15 @@ from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
 from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
 from tdint.ground_motion.reading.scale import Motion, are_counts, declared_units, to_acceleration, to_motion
-from tdint.ground_motion.record import IN_SI, UNITS_BY_LOCATION, Input, Record, masked_samples, station_of
+from tdint.ground_motion.record import (
+    IN_SI,
+    UNITS_BY_LOCATION,
+    Input,
+    Record,
+    doubt_of_peak,
+    masked_samples,
+    station_of,
+)
 from tdint.ground_motion.signal import Signal
 from tdint.units import parse_units
 from tdint.written_numbers import how_many
@@ -32,9 +40,6 @@ if TYPE_CHECKING:
 
 
 # ---- Join the traces of one channel and check its samples
-
-_IMPLAUSIBLE = 100.0
-"""Ten times gravity, m/s^2: four times the largest ground acceleration ever recorded."""
 
 _IMPOSSIBLE = 1e6
 """m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave what floats hold."""
@@ -127,8 +132,6 @@ def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
     """Notes about an acceleration (m/s^2, shape (samples,)) that can hardly be a ground motion as it stands."""
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
     notes = []
-    if peak > _IMPLAUSIBLE:
-        notes.append(f"the largest acceleration is {peak:.4g} m/s^2; are the units right?")
     if peak == 0.0:
         notes.append("all samples are zero")
     elif abs(mean) > _OFFSET * peak:
@@ -353,6 +356,7 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, part.label)
     start = _start(trace)
+    peak = float(np.max(np.abs(motion.samples), initial=0.0)) if motion.quantity == "acceleration" else 0.0
     return Signal(
         samples=motion.samples,
         dt=dt,
@@ -361,7 +365,7 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
         start=float(trace.stats.starttime.timestamp) if start else None,
         clock="UTC" if start else "",
         notes=(*part.contents.notes, *motion.notes),
-        warnings=motion.warnings,
+        warnings=(*motion.warnings, *doubt_of_peak(peak, "peak acceleration")),
         input=input_file,
     )
 
@@ -384,9 +388,9 @@ def _components(
     asked, accelerations = (component or "").strip().upper(), []
     for member in components:
         if (id := member.id.upper()) != asked:
-            network, station, location, code = id.split(".")
+            station, location, code = id.rsplit(".", 2)  # a damaged station's code may have dots
             is_integral = location in UNITS_BY_LOCATION and location != IN_SI
-            if is_integral and f"{network}.{station}.{IN_SI}.{code}" in ids:
+            if is_integral and f"{station}.{IN_SI}.{code}" in ids:
                 continue
         accelerations.append(member)
     components = accelerations
@@ -447,11 +451,15 @@ def _to_record(channel: _Channel, trace: Any, said: FileUnits, instruments: Inst
 
         acceleration, notes = remove_response(trace, instruments, label)
         motion = Motion(acceleration, "counts", "inventory", notes=notes)
-    for warning in motion.warnings:
-        _LOGGER.warning("%s: %s", label, warning)
+    if motion.units_from == "assumed" and said.entries and not said.for_all:
+        entries = ", ".join(pattern.removeprefix("./") for pattern, _ in said.entries)
+        raise UsageError(f"{label}: does not tell its units, and none of the units given by file fits it: {entries}")
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, label)
     check_possible(motion.samples, label)
+    warnings = (*motion.warnings, *doubt_of_peak(float(np.max(np.abs(motion.samples), initial=0.0))))
+    for warning in warnings:
+        _LOGGER.warning("%s: %s", label, warning)
     return Record(
         acceleration=motion.samples,
         dt=dt,
@@ -460,7 +468,7 @@ def _to_record(channel: _Channel, trace: Any, said: FileUnits, instruments: Inst
         component=channel.code,
         source=channel.source,
         notes=(*contents.notes, *motion.notes, *doubts(motion.samples)),
-        warnings=motion.warnings,
+        warnings=warnings,
         units=motion.units,
         units_from=motion.units_from,
         quantity=motion.quantity,

@@ -6,12 +6,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_folder, keep_input
-from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
+from tdint.ground_motion.choice import RecordChoice, TextLayout
 from tdint.ground_motion.horizontals import (
     USUAL,
     Horizontals,
@@ -23,8 +24,9 @@ from tdint.ground_motion.horizontals import (
     with_component,
 )
 from tdint.ground_motion.processing_steps import processed
-from tdint.ground_motion.reading.contents import is_record
+from tdint.ground_motion.reading.contents import formats_of, is_record
 from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
 from tdint.written_numbers import first_few
 
@@ -50,7 +52,7 @@ class Sources:
     failures: tuple[RecordError, ...]
 
 
-def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sources:
+def records_of(arguments: Sequence[str], choice: RecordChoice | None = None) -> Sources:
     """Files as they are given; of a folder the records in it, by name.
 
     What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file that cannot be read
@@ -59,8 +61,10 @@ def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sour
     Raises
     ------
     UsageError
-        Standard input is given more than once.
+        Standard input is given more than once; units by file of which an entry fits none of them.
     """
+    choice = choice or RecordChoice()
+    layout = choice.layout
     if arguments.count(STDIN) > 1:
         raise UsageError("standard input (-) can be read only once")
     files: list[str] = []
@@ -81,6 +85,7 @@ def records_of(arguments: Sequence[str], layout: TextLayout = AS_STATED) -> Sour
         others = [name for name in others if name != "LICENSE"]  # of the records, which goes with them
         if others:
             notes.append(f"{argument}: not taken for records: {first_few(others, _MOST_NAMES)}")
+    file_units(choice.units).refuse_unfit(files, partial(formats_of, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
@@ -163,7 +168,7 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     UsageError
         As of `records_of` and `read_pairs`.
     """
-    sources = records_of(named, choice.layout)
+    sources = records_of(named, choice)
     suite = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
     again = _counted_twice(suite.records)
     return Suite(suite.motions, (*sources.failures, *suite.failures), (*sources.notes, *suite.notes, *again))

@@ -48,11 +48,6 @@ CURVING = VARIANT.dashpots or CURVES
 BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
 """Whether a story may have a force that is not linear in its motion."""
 
-COUNTING_TURNS = tuple(float(code) for code, law in enumerate(LAWS) if law.counts_turns)
-
-COUNTS_TURNS = any(LAWS[code].counts_turns for code in COMPILED)
-"""Whether a story may decide something for good where it turns."""
-
 ANY_APART = any(LAWS[code].apart for code in COMPILED)
 """Whether a law may stand apart: the stiffness of such a one's branches may hang on what the story has done before."""
 

@@ -377,7 +377,6 @@ LAW = DriftLaw(
     ),
     kinked=True,
     apart=True,
-    counts_turns=True,
     extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
     fault=_fault,

@@ -106,9 +106,6 @@ class DriftLaw:
     apart : bool
         Whether the law is compiled on its own, when a model has it, and called at its address; else it is part of
         every loop.
-    counts_turns : bool
-        Whether a turn changes for good what follows, however soon the story turns back; else what a short way back
-        changes is as small as that.
     extra_rows : int
         Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.EXTRA_ROWS`).
     parameters : tuple of LawParameter
@@ -136,7 +133,6 @@ class DriftLaw:
     curved: bool = False
     kinked: bool = False
     apart: bool = False
-    counts_turns: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None

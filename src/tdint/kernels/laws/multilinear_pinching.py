@@ -416,7 +416,6 @@ LAW = DriftLaw(
     ),
     kinked=True,
     apart=True,
-    counts_turns=True,
     extra_rows=_EXTRA_ROWS,
     initial_stiffness=lambda values: values[1] / values[0],
     yield_drift=lambda stiffness, values: values[0],  # the first point of the positive side

@@ -81,31 +81,3 @@ def straightened_samples(ground, first, last):
     mean = share * impulse
     half = 6.0 * share * share * moment
     return mean - half, mean + half
-
-
-@called
-def beyond_line(ground, begin, end):
-    """mean((s^2 - 1/12) g) and mean(s (s^2 - 3/20) g) of the ground acceleration g from position `begin` to `end`, s in
-    [-1/2, 1/2]: its second and third moment beyond the line of `straightened`, which has none."""
-    whole = end - begin
-    second = 0.0
-    third = 0.0
-    left = begin
-    value = ground_between(ground, begin)
-    sample = int(begin)
-    while left < end:
-        sample += 1
-        right = min(float(sample), end)
-        following = ground_between(ground, right)
-        middle = 0.5 * (left + right)
-        half = 0.5 * (right - left) / whole
-        s = (middle - begin) / whole - 0.5
-        mean = 0.5 * (value + following)
-        change = 0.5 * (following - value)
-        q = half * half
-        second += 2.0 * half * (mean * (s * s + q / 3.0 - 1.0 / 12.0) + change * 2.0 * s * half / 3.0)
-        cubic = mean * (s * s * s + s * q - 0.15 * s)
-        third += 2.0 * half * (cubic + change * half * (s * s + q / 5.0 - 0.05))
-        left = right
-        value = following
-    return second, third

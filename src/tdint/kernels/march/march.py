@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, called_at, inlined, kernel
-from tdint.kernels.equations.carried.rows import begin_error
-from tdint.kernels.march.ground import beyond_line, ground_at, straightened, straightened_samples
+from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
 from tdint.kernels.march.observing import (
     BEGIN,
     RAISE_SHEARS,
@@ -59,10 +58,8 @@ def start(begin, take_stock, scene, ground, memory, seen):
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
     begin_laws(begin, scene, memory)
-    observe(scene, 0.0, Span(0.0, ground, ground, False, False, False), 0.0, memory, seen)
+    observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
     remember(state, seen.watch, n)
-    if scene.flags[at.CARRIES_ERROR] != 0.0:
-        begin_error(scene, memory, seen.peaks)
     for i in range(n):
         state[at.ACCELERATION, i] = seen.watch[at.ACCELERATION_NOW, i]
     memory.report[at.CARRIED_GROUND] = ground
@@ -80,9 +77,9 @@ def ran_away(state, n):
 
 
 @inlined
-def see(raise_shears, scene, t, span, slope, memory, seen):
-    """Observe the motion at time t, the end of a step or of a piece of one, and what it passed on the way."""
-    near = observe(scene, t, span, slope, memory, seen)
+def see(raise_shears, scene, span, slope, memory, seen):
+    """Observe the motion at the end of a step or of a piece of one, and what it passed on the way."""
+    near = observe(scene, span, slope, memory, seen)
     if look_between(near, scene, span, memory, seen) > 0:
         take_shears(raise_shears, scene, memory, seen)
 
@@ -145,8 +142,6 @@ def march(
                     load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
                 else:
                     load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
-                if flags[at.CARRIES_ERROR] != 0.0:
-                    load[at.GROUND_2], load[at.GROUND_3] = beyond_line(ground, begins, ends)
                 slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
@@ -166,8 +161,9 @@ def march(
             done += piece
             totals[at.ITERATIONS] += code
             report[at.CARRIED_GROUND] = load[at.GROUND_1]
-            span = Span(piece * h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast, report[at.WITHIN] != 0.0)
-            see(raise_shears, scene, (s + done) * h, span, slope, memory, seen)
+            t, cornered = (s + done) * h, report[at.WITHIN] != 0.0
+            span = Span(t, piece * h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast, cornered)
+            see(raise_shears, scene, span, slope, memory, seen)
         report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         totals[at.STEPS_REACHED] += 1.0
         if ran_away(state, linear_terms.shape[1] - 1):

@@ -25,10 +25,10 @@ class _Powers(NamedTuple):
 
 
 @inlined
-def observe(scene, t, span, slope, memory, seen):
-    """Take in the state at time t, reached by a step in which the ground acceleration has the given slope.
+def observe(scene, span, slope, memory, seen):
+    """Take in the state at the end of a span, reached by a step in which the ground acceleration has the given slope.
 
-    The acceleration is that of equilibrium at t, whatever the method carries. Call with a span of no length at the
+    The acceleration is that of equilibrium there, whatever the method carries. Call with a span of no length at the
     start. Returns whether a peak may be passed within the step or at its end, where it then is raised: in most steps
     none comes near, which is found without a branch.
     """
@@ -38,9 +38,9 @@ def observe(scene, t, span, slope, memory, seen):
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        _other_forces(modal, forces, t, state, watch, n)
+        _other_forces(modal, forces, span.t, state, watch, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    passing = False
+    passing = FORCES and forces.shape[0] > 0  # total shears, whose forces are not looked at here
     momentum = 0.0
     force = 0.0
     damped = 0.0
@@ -102,7 +102,7 @@ def observe(scene, t, span, slope, memory, seen):
         totals[at.ALL_FORCES] = force
         totals[at.DAMPED_BY_ALL] = by_all
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-            others = _other_powers(modal, forces, t, state, watch, n)
+            others = _other_powers(modal, forces, span.t, state, watch, n)
             power += others[0]
             rate += others[1]
             damped += others[2]
@@ -342,12 +342,6 @@ def store(ground, line, memory, seen, row):
     energies = 1 + at.HISTORY_FIELDS * n
     for j in range(at.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
-    errors = energies + at.ENERGY_TERMS
-    if history.shape[1] > errors:
-        for i in range(n):
-            history[row, errors + i] = state[at.ERROR_DISPLACEMENT, i]
-            history[row, errors + n + i] = state[at.ERROR_VELOCITY, i]
-            history[row, errors + 2 * n + i] = springs[at.FORCE, n + 1 + i] - springs[at.FORCE, i]
 
 
 @inlined

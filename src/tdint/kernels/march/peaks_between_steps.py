@@ -25,12 +25,13 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.linear_terms import DASHPOTS, FORCES
+from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
 from tdint.kernels.stepping import Ends
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_UNLOADED = (0.0, 0.0, 0.0, 0.0)  # no forces on floors: of `_loaded`
 _FADED = 2.0  # tilt over bulge from which neither is taken; up to 1 all of both is
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
@@ -91,8 +92,7 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     """Raise the peaks, rows of `peaks` from `top` on, that a step has between its ends.
 
     Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
-    present drift; returns how many there are of these. With forces on floors total shears are taken as far as the ends
-    of steps tell them.
+    present drift; returns how many there are of these.
     """
     linear_terms = scene.linear_terms
     swing = _SWING * span.h
@@ -100,6 +100,7 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     turned = 0
     n = linear_terms.shape[1] - 1
     above, mass = _NOTHING, 0.0
+    loaded = _UNLOADED
     floor = _floor(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         below = _floor(span.fast, passage, max(i - 1, 0))
@@ -125,10 +126,11 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
         if DASHPOTS and with_devices and story.a0 * story.a1 < 0.0 and may_be_fastest(span, story, fastest):
             _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
         if not span.cornered:
-            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
-        if not span.cornered and (not FORCES or scene.forces.shape[0] == 0):
+            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i, _UNLOADED)
             above, mass = _moved(linear_terms, i, floor, above, mass)
-            _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
+            if FORCES and scene.forces.shape[0] > 0:
+                loaded = _loaded(span, scene.forces, linear_terms[at.LINK, i + 1], i, loaded)
+            _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i, loaded)
         floor = below
     return turned
 
@@ -239,17 +241,18 @@ def _fastest(span, ends, peaks, peak_row, i):
 
 
 @inlined
-def _most_accelerated(span, ends, mass, peaks, peak_row, i):
-    """Raise the peak of an absolute acceleration, or of masses times such, if it may be passed."""
+def _most_accelerated(span, ends, mass, peaks, peak_row, i, loaded):
+    """Raise the peak of an absolute acceleration, or of masses times such less the forces on them, if it may be
+    passed."""
     peak = peaks[peak_row, i]
-    absolute_0 = ends.a0 + mass * span.ground_0
-    absolute_1 = ends.a1 + mass * span.ground_1
+    absolute_0 = ends.a0 + mass * span.ground_0 - loaded[0]
+    absolute_1 = ends.a1 + mass * span.ground_1 - loaded[1]
     bulge, tilt = _bend(span.h, ends)
     near = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
     if near and abs(tilt) < _FADED * abs(bulge):
         taken = min((_FADED - abs(tilt / bulge)) / (_FADED - 1.0), 1.0)
-        bulge *= taken
-        tilt *= taken
+        bulge = bulge * taken - loaded[2]
+        tilt = tilt * taken - loaded[3]
     else:
         near = False
     if near and _most(absolute_0, absolute_1, bulge, tilt) > peak:
@@ -257,6 +260,28 @@ def _most_accelerated(span, ends, mass, peaks, peak_row, i):
         row = peak_row + (0 if told else at.PEAK_ROWS)
         change = absolute_1 - absolute_0 + bulge + tilt
         raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
+
+
+@called
+def _loaded(span, forces, link, i, above):
+    """Forces on floor `i` and those above, of which the latter are given: at both ends of the step, and their bulge and
+    tilt between, by their values at quarters of it."""
+    t, h = span.t, span.h
+    p0 = link * above[0]
+    p1 = link * above[1]
+    bulge = link * above[2]
+    tilt = link * above[3]
+    for j in range(forces.shape[0]):
+        if forces[j, at.FLOOR] == i:
+            f0 = force_value(forces, j, t - h)
+            f1 = force_value(forces, j, t)
+            first = force_value(forces, j, t - 0.75 * h) - 0.75 * f0 - 0.25 * f1
+            last = force_value(forces, j, t - 0.25 * h) - 0.25 * f0 - 0.75 * f1
+            p0 += f0
+            p1 += f1
+            bulge += 8.0 / 3.0 * (first + last)
+            tilt += 16.0 / 3.0 * (first - last)
+    return p0, p1, bulge, tilt
 
 
 @inlined

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import itertools
 import math
+import shutil
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -19,6 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from tdint.errors import OutputError, UsageError, did_you_mean
+from tdint.files import digest_of
 
 try:
     import matplotlib as mpl
@@ -32,7 +34,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
-from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
+from tdint.output.printed import ON_SCREEN, PRINTED, TRUSTED, PrintedAs, in_print
 from tdint.units import OutputUnits
 
 mpl.rcdefaults()
@@ -55,6 +57,9 @@ _STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "tdint",
 }
+_LATEX = ("latex", "dvipng")
+"""Programs that matplotlib starts for text.usetex."""
+
 _PRINT = {
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -223,10 +228,16 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """A name in a script that the font does not have is drawn with boxes; that is no reason to fail."""
+    """A name in a script that the font does not have is drawn with boxes; that is no reason to fail. Where LaTeX fails,
+    which a style sheet may ask for: UsageError."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield
+        try:
+            yield
+        except RuntimeError as error:
+            if not mpl.rcParams["text.usetex"]:
+                raise
+            raise UsageError(f"text.usetex of the style sheet: {str(error).strip().splitlines()[0]}") from None
 
 
 @contextmanager
@@ -254,15 +265,24 @@ def style_context() -> AbstractContextManager[None]:
 
 
 def check_print(printed: PrintedAs) -> None:
-    """Raise UsageError for a font or a style sheet that is not there."""
+    """Raise UsageError for a font or a style sheet that is not there, or that starts what is not or is not trusted."""
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
         raise UsageError(f"font {printed.font!r}: this machine has no such font{hint}")
     if printed.style:
         try:
-            mpl.rc_params_from_file(printed.style, use_default_template=False)
+            # matplotlib evaluates lists of colors: names with underscores lead out of what it lets them do.
+            evaluated = "__" in Path(printed.style).read_text(encoding="utf-8") and not TRUSTED.get()
+            sheet = {} if evaluated else mpl.rc_params_from_file(printed.style, use_default_template=False)
         except (OSError, ValueError) as error:
             raise UsageError(f"style sheet {printed.style}: {error}") from None
+        if (evaluated or sheet.get("text.usetex")) and not TRUSTED.get():
+            digest = digest_of(Path(printed.style))
+            raise UsageError(
+                f"style sheet {printed.style} (SHA-256 {digest}): starts programs; read it, then give --trust"
+            )
+        if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
+            raise UsageError(f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found here")
 
 
 def _print(figure: Figure, printed: PrintedAs) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
-from tdint.output.tables.responses import STORY, STORY_CORRECTED, STORY_ERROR
+from tdint.output.tables.responses import STORY, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -30,7 +30,6 @@ from tdint.output.tables.table import (
     Table,
     cell_text,
     converted,
-    corrected_columns,
     error_columns,
     harmless,
     names,
@@ -67,9 +66,6 @@ RUNS = (
 _WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
 RUN_ERRORS = error_columns(_WITH_ERROR)
 """Behind them, of a campaign that has estimated them."""
-
-RUN_CORRECTED = corrected_columns(_WITH_ERROR)
-"""Behind these, where runs have carried their errors along."""
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
@@ -175,15 +171,10 @@ def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
     columns = (
         *RUNS,
-        *_estimated(store),
+        *RUN_ERRORS * store.checked,
         *varied_columns(_swept(store.varied())),
     )
     return (*columns, *carried_columns(store, names(columns)))
-
-
-def _estimated(store: Store | CampaignRuns) -> tuple[Column, ...]:
-    """The columns of errors, and of what is corrected by them."""
-    return (*RUN_ERRORS * store.checked, *RUN_CORRECTED * store.corrected)
 
 
 def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
@@ -218,10 +209,10 @@ def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
     methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
     # A row of the store has room for all errors, also where none were estimated.
-    estimated, named, carried = len(_estimated(store)), run_heads(store), carried_cells(store)
+    estimated, named, carried = len(RUN_ERRORS) * store.checked, run_heads(store), carried_cells(store)
     for building, record, scale, sample, dt, status, *rest in store.runs():
         head = [*named(building, record), scale, sample, methods[building], dt, cell_text(status)]
-        results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :]
+        results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) :]
         yield head + results + behind[:estimated] + (swept[building] if swept else []) + carried(building, sample)
 
 
@@ -232,7 +223,7 @@ def story_columns(store: Store) -> tuple[Column, ...]:
 
 
 def _of_stories(store: Store) -> tuple[Column, ...]:
-    return (*STORY, *STORY_ERROR * store.checked, *STORY_CORRECTED * store.corrected)
+    return (*STORY, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:

@@ -8,7 +8,9 @@ from itertools import chain
 from typing import Any, BinaryIO
 
 import numpy as np
+from scipy.special import betainc
 
+from tdint.arrays import Array
 from tdint.campaign.fragility.runs import TypeDamage, building_damages, group_damages, stored_states
 from tdint.campaign.store import Store
 from tdint.errors import UsageError
@@ -227,36 +229,80 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
         EVENT,
         Column("rate", "1", "rate", "how often the event comes, in a year"),
         lost,
-        Column("exceedance_rate", "1", "exceedance", "how often a loss as large or larger comes, in a year"),
-        Column(
-            "annual_loss",
-            "1",
-            "annual",
-            "rates times losses summed down to this row: in the last one the average annual loss",
+        Column(f"{lost.name}_error", "1", "error", "its standard error over the ground motions"),
+        *(
+            Column(f"{lost.name}_sd_{name}", "1", name, f"its standard deviation in the event, {how}")
+            for name, how in _HOW
         ),
+        Column("exceedance_rate", "1", "exceedance", "how often an event of a mean loss as large comes, in a year"),
+        *(
+            Column(
+                f"exceedance_rate_{name}",
+                "1",
+                name,
+                f"how often a loss as large comes, in a year, with that scatter (beta distributions), {how}",
+            )
+            for name, how in _HOW
+        ),
+        Column("annual_loss", "1", "annual", "rate times loss: its sum over the events is the average annual loss"),
+        Column("cumulative_annual_loss", "1", "cumulative", "the same summed down to this row"),
     )
+
+
+_HOW = (
+    ("independent", "each building's loss independent of the others"),
+    ("correlated", "all buildings' losses fully correlated"),
+)
+
+
+def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Array:
+    """The probability that losses of a beta distribution from 0 to `most` are as large as a loss, by their means and
+    standard deviations, shape (k,)."""
+    mean, part = means / most, loss / most
+    # At most that of a loss of nothing or all; without any scatter the mean itself.
+    variance = np.minimum((deviations / most) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
+    sharp = variance <= 1e-12 * mean**2
+    weight = mean * (1.0 - mean) / np.where(sharp, 1.0, variance) - 1.0
+    a, b = (np.where(sharp, 1.0, weight * share) for share in (mean, 1.0 - mean))
+    return np.asarray(np.where(sharp, means >= loss, 1.0 - betainc(a, b, np.minimum(part, 1.0))))
 
 
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
     """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the events from the
-    largest mean loss down; the last row has the average annual loss."""
+    largest mean loss down."""
     rates, costs = store.rates(), has_costs(store)
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
-        # A curve for each part and level; events without a result are on none.
-        curves: dict[tuple[str, float], list[tuple[float, str]]] = {}
+        # A curve for each part and level, from the largest loss down; events without a result are on none.
+        curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
             if lost == lost:
-                curves.setdefault((of.part, of.level), []).append((lost, of.event))
-        for (part, level), losses in curves.items():
-            often = annual = 0.0
-            # From the largest loss down: the rates so far add up to how often it is reached.
-            for lost, event in sorted(losses, key=lambda loss: -loss[0]):
-                often, annual = often + rates[event], annual + rates[event] * lost
-                head = [cell_text(part)] * bool(by)
-                yield [*head, level, cell_text(event), rates[event], lost, often, annual]
+                curves.setdefault((of.part, of.level), []).append((lost, of))
+        for (part, level), events in curves.items():
+            events.sort(key=lambda event: -event[0])
+            rate = np.array([rates[of.event] for _, of in events])
+            means = np.array([lost for lost, _ in events])
+            most = np.array([(of.value if costs else 1.0) * (max(of.states.outcome_losses) or 1.0) for _, of in events])
+            annual = rate * means
+            for place, (lost, of) in enumerate(events):
+                often = [
+                    float(rate @ _exceeding(lost, means, np.array([other.scatter[way] for _, other in events]), most))
+                    for way in (0, 1)
+                ]
+                error = float((of.money if costs else of.loss).error[0])
+                head = [
+                    *[cell_text(part)] * bool(by),
+                    level,
+                    cell_text(of.event),
+                    rate[place],
+                    lost,
+                    error,
+                    *of.scatter,
+                ]
+                sums = [float(np.sum(values[: place + 1])) for values in (rate, annual)]
+                yield [*head, sums[0], *often, annual[place], sums[1]]
 
     write_rows(exceedance_columns(store, by), rows(), stream)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.output.tables.table import Cell, Column, Table, corrected_columns, describe, error_columns, rows_of
+from tdint.output.tables.table import Cell, Column, Table, describe, error_columns, rows_of
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
@@ -28,10 +28,7 @@ STORY = (
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )
 STORY_ERROR = error_columns(STORY[2:])
-"""Behind them, of a run whose errors are estimated."""
-
-STORY_CORRECTED = corrected_columns(STORY[2:])
-"""Behind these, where a run has carried its error along."""
+"""Behind them, of a run whose errors are told."""
 
 _ALL = "all"
 SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
@@ -53,19 +50,14 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
     )
     for place in ("floor", "story")
 )
-"""Behind all others, of a run that has carried its error along."""
+"""Behind all others, of a run whose errors are told there, too."""
 
 _ROWS_AT_ONCE = 256  # of a history, formatted together: 1 MB for a hundred columns
 
 
-def story_table(stories: StoryPeaks, errors: StoryErrors | None = None, corrected: StoryPeaks | None = None) -> Table:
-    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks, and
-    behind these with corrected peaks a column `corrected_<name>`."""
-    told = [
-        (columns, values)
-        for columns, values in ((STORY, stories), (STORY_ERROR, errors), (STORY_CORRECTED, corrected))
-        if values is not None
-    ]
+def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
+    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
+    told = [(columns, values) for columns, values in ((STORY, stories), (STORY_ERROR, errors)) if values is not None]
     rows = zip(*(rows_of(columns, values) for columns, values in told), strict=True)
     return Table.of(
         [column for columns, _ in told for column in columns], [tuple(chain.from_iterable(row)) for row in rows]
@@ -74,14 +66,13 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None, correcte
 
 def response_table(response: Response) -> Table:
     """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
-    check = response.check
-    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ()))
+    whole = story_table(response.stories, response.check.errors if response.check else None)
     if not response.shocks:
         return whole
     rows: list[tuple[Cell, ...]] = []
     for number, shock in enumerate(response.shocks, start=1):
         of_shock = story_table(shock.stories, shock.errors)
-        # What is corrected is so over the whole sequence alone.
+        # A shock at whose time another run had ended has no errors.
         empty = (None,) * (len(whole.columns) - len(of_shock.columns))
         rows += [(str(number), *row, *empty) for row in of_shock.rows]
     rows += [(_ALL, *row) for row in whole.rows]

@@ -22,7 +22,6 @@ from tdint.output.tables.table import (
     Cell,
     Column,
     Table,
-    corrected_columns,
     error_columns,
     rows_of,
 )
@@ -113,12 +112,6 @@ IDA_ERRORS = tuple(
     for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
 )
 """Behind them, of a study that has estimated them."""
-
-IDA_CORRECTED = tuple(
-    replace(column, value=_of_runs(f"corrected_{name}"))
-    for column, name in zip(corrected_columns(IDA[-3:]), _DEMANDS, strict=True)
-)
-"""Behind these, where runs have carried their errors along."""
 
 DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
@@ -282,11 +275,7 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    # nan is not equal to itself: a run that has not carried its error along.
-    corrected = any(
-        run.corrected_drift_ratio == run.corrected_drift_ratio for curve in study.curves for run in curve.runs
-    )
-    columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked, *IDA_CORRECTED * corrected)
+    columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked)
     table = Table.of(columns, [row for curve in _curves(study) for row in rows_of(columns, curve)])
     return _with_unit(table, study.measure.unit)
 

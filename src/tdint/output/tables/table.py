@@ -31,9 +31,6 @@ Cell = bool | int | float | str | None
 TEXT = "text"
 """Unit of a column of words."""
 
-CORRECTED = "corrected_"
-"""What the name of a column begins with that is corrected by its error."""
-
 _UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]")
 """What steers a terminal, and halves of letters; not the bytes that Python could not read."""
 
@@ -138,19 +135,6 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """The columns of the estimated errors of others."""
     return tuple(
         replace(column, name=f"{column.name}_error", meaning=f"estimated absolute error of {column.name}")
-        for column in columns
-    )
-
-
-def corrected_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
-    """The columns of others once they are corrected by the error that a run has carried along."""
-    return tuple(
-        replace(
-            column,
-            name=f"{CORRECTED}{column.name}",
-            meaning=f"{column.name} corrected by the error that the run, or one with a smaller step, carried along; "
-            "empty where neither does",
-        )
         for column in columns
     )
 
@@ -325,7 +309,7 @@ DIFFERENCE = (
 
 
 def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterator[Difference]:
-    """What two CSV files of a table, packed or not, have otherwise, in the order of the rows.
+    """What two files of a table, CSV (packed or not) or Parquet, have otherwise, in the order of the rows.
 
     Parameters
     ----------
@@ -337,7 +321,9 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     Raises
     ------
     OutputError
-        One of them cannot be read, or is no CSV file.
+        One of them cannot be read, or is no such table.
+    UsageError
+        They are Parquet, and pyarrow is not installed.
     """
     name = now.name
     first, second = _cells(before), _cells(now)
@@ -346,7 +332,12 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     for column in dict.fromkeys((*old, *new)):
         if (column in old) != (column in new):
             yield Difference(name, None, column, *("a column" if column in header else None for header in (old, new)))
-    shared = [(column, old.index(column), new.index(column)) for column in old if column in new and column not in but]
+    if old == new:
+        shared = [(column, i, i) for i, column in enumerate(old) if column not in but]
+    else:
+        if sorted(old) == sorted(new):
+            yield Difference(name, None, "", "these columns", "in another order")
+        shared = [(column, old.index(column), new.index(column)) for column in old if column in {*new} - {*but}]
     # Row beside row, as far as both go: files may be longer than memory.
     counts = [0, 0]
     for number, (row, other) in enumerate(zip_longest(first, second), start=1):
@@ -357,18 +348,35 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
             cells = row[i] if i < len(row) else None, other[j] if j < len(other) else None
             if cells[0] != cells[1]:
                 yield Difference(name, number, column, *cells)
+        # Cells that stand in no column
+        if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
+            yield Difference(name, number, "", *(how_many(len(cells), "cell") for cells in (row, other)))
     # Rows that one of them alone has are counted, not listed.
     if counts[0] != counts[1]:
         yield Difference(name, None, "", *(how_many(count, "row") for count in counts))
 
 
 def _cells(file: Path) -> Iterator[list[str]]:
-    """The rows of a CSV file, its header first."""
+    """The rows of a table, its header first; numbers of Parquet with all their digits."""
     import gzip
     import zlib
 
+    packed = file.suffix.lower()
+    if packed == ".parquet":
+        reader = optional("pyarrow.parquet", *PARQUET)
+        kind, broken = "Parquet", optional("pyarrow", *PARQUET).lib.ArrowException
+    else:
+        kind, broken = "CSV", csv.Error
     try:
-        with (gzip.open if file.suffix.lower() == ".gz" else open)(file, "rt", encoding="utf-8", newline="") as stream:
+        if packed == ".parquet":
+            with reader.ParquetFile(file) as content:
+                yield list(content.schema_arrow.names)
+                for batch in content.iter_batches():
+                    cells = [column.to_pylist() for column in batch.columns]
+                    yield from (["" if cell is None else str(cell) for cell in row] for row in zip(*cells, strict=True))
+            return
+        with (gzip.open if packed == ".gz" else open)(file, "rt", encoding="utf-8", newline="") as stream:
             yield from csv.reader(stream)
-    except (OSError, EOFError, ValueError, csv.Error, zlib.error) as error:
-        raise OutputError(f"{file}: cannot be read as CSV: {getattr(error, 'strerror', None) or error}") from None
+    except (OSError, EOFError, ValueError, broken, zlib.error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise OutputError(f"{file}: cannot be read as {kind}: {why}") from None

@@ -18,7 +18,7 @@ from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
 from tdint.analysis.chart.profiles import FieldChart
 from tdint.analysis.chart.work_precision import Chart
 from tdint.analysis.compare import Comparison
-from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors, demand_values
+from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
 from tdint.analysis.run.outcome import STORY, History, Response, StoryPeaks
 from tdint.analysis.run.overview import Overview
 from tdint.analysis.run.run_many import Runs
@@ -256,19 +256,14 @@ def _(result: Runs) -> _Values:
 
 
 def _estimated(result: Runs) -> _Values:
-    """Errors of the demands, and the demands that are corrected by them, as runs.csv has them."""
-    if result.errors is None or result.corrected is None:
+    """Errors of the demands, as runs.csv has them."""
+    if result.errors is None:
         return []
     rows = []
     for run, model in enumerate(result.model.tolist()):
         of_run = partial(_one, run=run, stories=len(result.models[model].stories))
-        rows.append(
-            demand_errors(of_run(result.stories), of_run(result.errors)) + demand_values(of_run(result.corrected))
-        )
-    columns = zip((*campaign.RUN_ERRORS, *campaign.RUN_CORRECTED), np.array(rows).T, strict=True)
-    # Where no run has carried its error along nothing is corrected.
-    corrected = not np.isnan(result.corrected.peak_drift).all()
-    return list(columns)[: None if corrected else len(campaign.RUN_ERRORS)]
+        rows.append(demand_errors(of_run(result.stories), of_run(result.errors)))
+    return list(zip(campaign.RUN_ERRORS, np.array(rows).T, strict=True))
 
 
 def _one(values: Any, *, run: int, stories: int) -> Any:

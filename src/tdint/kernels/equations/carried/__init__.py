@@ -1,1 +1,0 @@
-"""The error of a run of moment4, carried along in the run."""
