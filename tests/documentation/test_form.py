@@ -26,8 +26,8 @@ WORDS = {
     "src/tdint/campaign/README.md": 3500,
     "src/tdint/kernels/README.md": 600,
     "src/tdint/kernels/laws/README.md": 1600,
-    "src/tdint/methods/README.md": 3000,
-    "tests/README.md": 6000,
+    "src/tdint/methods/README.md": 3600,
+    "tests/README.md": 5400,
     "tests/benchmarks/README.md": 1500,
     "tests/validation/README.md": 4500,
 }
