@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.errors import AnalysisError, ModelError, OutputError, TdintError, UsageError
+from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 # ---- What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts, buildings side by
 # side
+
+_NOT_KEPT = "the peaks of stories are not kept; give the campaign `outputs: {profiles: true}`"
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """In the folder of -o."""
@@ -188,27 +190,26 @@ class Profiles:
 
     def _need(self, option: str) -> None:
         if not self.found:
-            raise AnalysisError(
-                f"{option}: the peaks of stories are not kept; give the campaign `outputs: {{profiles: true}}`"
-            )
+            raise AnalysisError(f"{option}: {_NOT_KEPT}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
         models, if they agree."""
-        from tdint.output.report import Told, suite_page
+        from tdint.output.page import Told
+        from tdint.output.report import suite_page
         from tdint.output.summary import files_read
 
         request, limit = self.request, self.request.limit
-        said = [] if limit is None else [self._told(profile, _verdict(profile, limit)[0]) for profile in self.found]
+        verdicts = [] if limit is None else [(profile, *_verdict(profile, limit)) for profile in self.found]
         lost = [text for profile in self.found if (text := self._lost(profile))]
         # Units and head of the page: the models', as far as they agree.
         models = {profile.source: profile for profile in plan.models}.values()
         units, heads = {profile.page_units for profile in models}, {profile.page_head for profile in models}
         told = Told(
-            said,
-            [*(str(error) for error in plan.failures), *lost],
-            request.report_head or (heads.pop() if len(heads) == 1 else ()),
-            files_read(),
+            warnings=[*(str(error) for error in plan.failures), *lost],
+            head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
+            inputs=files_read(),
+            verdict=[(kept, kept_words(kept) + self._told(profile, text)) for profile, text, kept in verdicts],
         )
         return suite_page(
             plan,
@@ -283,6 +284,11 @@ class Profiles:
         return []
 
 
+def kept_words(kept: bool) -> str:
+    """The first words of a verdict."""
+    return f"Limit {'kept' if kept else 'NOT kept'}. "
+
+
 def _name(profile: Profile, among: list[Profile]) -> str:
     """Building and level, as far as they tell it from others."""
     parts = [profile.building] if len({other.building for other in among}) > 1 else []
@@ -349,6 +355,9 @@ def carry_out(
     from tdint.campaign.store import FILE, forget, open_store, remove
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
+    for option, asked in (("--plot", request.plot), ("--baseline", request.baseline), ("--limit", request.limit)):
+        if asked is not None and not plan.settings.keeps_stories:
+            raise AnalysisError(f"{option}: {_NOT_KEPT}")
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     with locked(folder):
@@ -369,11 +378,6 @@ def carry_out(
             store, remarks = open_store(folder, plan)
         warn_of_motions(plan)
         note(*plan.notes, *remarks)
-        if plan.far:
-            many = (
-                f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance of the records)"
-            )
-            warn(f"{many}, such as {plan.far[0]}")
         with store:
             if not overwrite:
                 store.refuse_foreign(named)
@@ -393,8 +397,13 @@ def carry_out(
                 say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
             tell_outcomes(store)
             unmet = profiles.tell()
-    if plan.failures or unmet:
-        raise Failures([*plan.failures, *unmet])
+    # A building without a motion is left out as a record is that cannot be read, and told as such.
+    far: list[TdintError] = []
+    if plan.far:
+        many = f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance of the records)"
+        far = [RecordError(f"{many}, such as {plan.far[0]}")]
+    if plan.failures or unmet or far:
+        raise Failures([*plan.failures, *far, *unmet])
 
 
 def warn_of_motions(plan: Plan) -> None:
@@ -408,22 +417,16 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
     Raises
     ------
-    UsageError
-        Picture or page cannot be written.
     OutputError
-        A table cannot.
+        Something cannot be written.
     """
     from tdint.campaign.store import FILE
 
     replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
     pages = [file for file in (request.picture(folder), Path(request.report) if request.report else None) if file]
-    try:
-        check_outputs(pages, overwrite=replaced)
-    except OutputError as error:
-        raise UsageError(str(error)) from None
     asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
     more = [folder / name for name, asked in asked_of.items() if asked] if folder else []
-    check_outputs(more, overwrite=replaced)
+    check_outputs([*pages, *more], overwrite=replaced)
     return [*pages, *more]
 
 

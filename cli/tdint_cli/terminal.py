@@ -227,9 +227,12 @@ _PACKAGES = {"yaml": "pyyaml"} | {
 
 OUT_OF_MEMORY = 5
 ENDING = tuple(
-    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if name in signal.Signals.__members__
+    signal.Signals[name]
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU", "SIGQUIT", "SIGALRM", "SIGUSR1", "SIGUSR2")
+    if name in signal.Signals.__members__
 )
-"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up. The exit code
+"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up, what a
+scheduler announces its end by. The exit code
 is what a shell reports of them, `AFTER_SIGNAL` and their number."""
 
 AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number

@@ -267,16 +267,16 @@ def process_start(process: int) -> int:
 
 def is_running(process: int, start: int) -> bool:
     """Whether a process that was started then is still there; True where the system does not tell."""
-    if start:
-        return process_start(process) == start
+    if start and (now := process_start(process)):
+        return now == start
     if (kernel := _windows()) is None:
         try:
             os.kill(process, 0)
         except ProcessLookupError:
             return False
-        except (OSError, OverflowError):
+        except (OSError, OverflowError):  # Another user's, of which /proc may tell nothing
             return True
-        return True
+        return not start  # else it would tell its start: it has ended, and nobody has asked how
     import ctypes
 
     code, handle = ctypes.c_ulong(), kernel.OpenProcess(_MAY_ASK, 0, process)

@@ -186,7 +186,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
         {"mass_factor": Distribution("uniform", 0.9, 1.1)},
         7,
         2,
-        ("bathe:rho_inf=0.0,gamma=0.585786437626905", "hht:alpha=-0.1"),
+        ("bathe", "hht:alpha=-0.1"),
         (0.01, 0.005),
     )
     faults = {

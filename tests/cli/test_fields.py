@@ -268,7 +268,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(region: Path, 
     first = rows("out/runs.csv")
     more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
     Path("buildings.csv").write_text(BUILDINGS + more)
-    result = tdint("campaign", "campaign.yaml", "-o", "far", "-q", code=0)
+    result = tdint("campaign", "campaign.yaml", "-o", "far", "-q", code=4)
     assert "1 building left out, too far from any site (max_distance of" in result.stderr
     found = rows("far/runs.csv")
     assert [row for row in found if row["building"] != "e"] == first
@@ -286,7 +286,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(region: Path, 
     (reason,) = told["reasons"]
     assert told["count"] == 1 and "buildings.csv:5:" in reason and "max_distance is 15 km" in reason
     change("campaign.yaml", ("pairs: true", "pairs: true, max_distance: 900 m"))
-    tdint("campaign", "campaign.yaml", "-o", "near", code=0)
+    tdint("campaign", "campaign.yaml", "-o", "near", code=4)
     assert {row["building"] for row in rows("near/runs.csv")} == {name for name in away if away[name] <= 0.9}
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS.replace("37.805,-122.25", "37.805,"))

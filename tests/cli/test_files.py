@@ -335,10 +335,32 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
     before = files_in(study)
     words = words_of(line, read=read, written=written, beside=written.stem, folder=".")
     result = tdint(*words, "--overwrite")
-    assert result.exit_code in (2, 6), result.output
+    assert result.exit_code == 6, result.output
     assert "is read by this command" in result.stderr
     after = files_in(study)
     assert {file: after.get(file) for file in before} == before
+
+
+@pytest.mark.parametrize("where", ["exists already", "is a file, not a folder"])
+@pytest.mark.parametrize(
+    "name", [name for name, (file, _, line) in KEPT_SAFE.items() if "{written}" in line and file != "own.py"]
+)
+def test_what_cannot_be_written_is_known_before_the_work(study: Path, tdint: Command, name: str, where: str) -> None:
+    """One code, 6, for every output of every command; nothing is done."""
+    file, suffix, line = KEPT_SAFE[name]
+    (study / "many").mkdir()
+    shutil.copy(study / file, study / "many" / f"a{Path(file).suffix}")
+    model = (study / "shaken.yaml").read_text()
+    record = "{file: motion.mseed, units: m/s^2, component: HNE}"
+    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
+    shutil.copy(study / "study.yaml", study / "of-it.yaml")
+    written = Path(f"there{suffix}") if "exists" in where else Path(f"shaken.yaml/there{suffix}")
+    if "exists" in where:
+        (study / written).write_bytes(b"mine")
+    before = files_in(study)
+    result = tdint(*words_of(line, read=file, written=written, beside="", folder=".").copy(), code=6)
+    assert where in result.stderr and result.stdout == ""
+    assert files_in(study) == before
 
 
 def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
@@ -387,7 +409,7 @@ def test_names_are_looked_at_before_the_runs(
     for name in ("mine.png", "mine.html", "many"):
         (study / name).write_bytes(b"mine")
     before = files_in(study)
-    tdint.refused(said, *words_of(of), "-o", "out", *words)
+    tdint.refused(said, *words_of(of), "-o", "out", *words, code=6 if "many" in words[-1] or "exists" in said else 2)
     assert files_in(study) == before and not (study / "out" / "campaign.sqlite").exists()
 
 

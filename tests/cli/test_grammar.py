@@ -25,7 +25,7 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
         # One amplitude after the other, the first one again at the end.
         ("law forced.yaml --drift 1%,20mm --drift 1% --points 1", 1 + 3 * 4, {}),
         (
-            "stability --method newmark:beta=0.25,gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%",
+            "stability --method newmark:beta=0.25:gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%",
             4,
             {"damping": [0, 0.05]},
         ),
@@ -45,8 +45,15 @@ def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, line, 
 
 
 def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
-    texts = ("newmark:beta=0.25,gamma=0.5,hht", "impulse4", "exact,bathe:gamma=0.5")
-    found = ("newmark:beta=0.25,gamma=0.5", "hht", "impulse4", "exact", "bathe:gamma=0.5")
+    texts = ("newmark:beta=0.25,gamma=0.5,newmark:beta=0.25:gamma=0.5,hht", "impulse4", "exact,bathe:gamma=0.5")
+    found = (
+        "newmark:beta=0.25,gamma=0.5",
+        "newmark:beta=0.25:gamma=0.5",
+        "hht",
+        "impulse4",
+        "exact",
+        "bathe:gamma=0.5",
+    )
     assert _specifications(None, None, texts) == found
 
 

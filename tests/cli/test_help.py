@@ -1,6 +1,7 @@
 """Help in two levels: what most people type on one screen, everything behind --help-all."""
 
 import shlex
+import time
 from pathlib import Path
 
 import click
@@ -82,8 +83,15 @@ def test_examples_run(name, office, monkeypatch, tdint):
         written.unlink()
     if name == "rerun" and not Path("loop.json").exists():
         tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv", code=0)
+    began = time.time() - 1.0
     for example in command_of(name).examples:
         _, *words = shlex.split(example)
         assert words[0] == name
         more = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(name, [])  # a tenth of the steps
-        tdint(*words, *more, code=0)
+        result = tdint(*words, *more, code=0)
+        # Every table can be split at its commas: no label has one, nor quotes for it.
+        tables = [result.stdout] if "," in result.stdout.partition("\n")[0] else []
+        tables += [path.read_text() for path in Path().rglob("*.csv") if path.stat().st_mtime >= began]
+        for table in filter(None, tables):
+            head, *rows = (line.split(",") for line in table.splitlines())
+            assert {len(row) for row in rows} <= {len(head)}, example

@@ -34,7 +34,7 @@ sys.exit(exit_code_of(lambda: write_file(file, write, overwrite=False), Settings
 ASKED = [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
 OTHERS = [
     (getattr(signal, name), 128 + getattr(signal, name), "Terminated")
-    for name in ("SIGHUP", "SIGXCPU")
+    for name in ("SIGHUP", "SIGXCPU", "SIGQUIT", "SIGALRM", "SIGUSR1", "SIGUSR2")
     if hasattr(signal, name)
 ]
 

@@ -237,12 +237,13 @@ def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
     tdint(*campaign, code=0)
     assert not Path("out/profiles.csv").exists()
     assert "outputs: {profiles: true}" in tdint(*campaign, "--plot", code=5).stderr
+    new = tdint("campaign", "study.yaml", "-o", "new", "--plot", code=5)  # known before the runs
+    assert "outputs: {profiles: true}" in new.stderr and not Path("new").exists()
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("run", "shaken.yaml", "--limit", "2%"), "the mean over several records"),
         (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require"), "--limit"),
         (("campaign", "study.yaml", "-o", "out", "--baseline", "shakn"), "shaken"),
         (("campaign", "study.yaml", "-o", "out", "--limit", "3"), "the number of runs is --max-runs 3"),

@@ -14,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from cli.conftest import Command
 from csv_rows import rows
 
+CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
 EMPTY = {"meta", "img", "br"}
 
 
@@ -108,8 +110,28 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
         drift, shear = (profiles[name, row["story"]] for name in ("peak_drift_ratio", "peak_total_shear"))
         assert row["mean peak drift ratio (%)"] == f"{100.0 * float(drift['mean']):.4g}"
         assert row["max peak drift ratio (%)"] == f"{100.0 * float(drift['max']):.4g}"
-        assert row["mean peak total shear (N)"] == f"{float(shear['mean']):.4g}"
-    assert [row["record"] for row in table_with(found, "pga (m/s²)")] == ["motion.mseed"] * 2 + ["other.mseed"]
+        assert row["mean peak total shear (kN)"] == f"{float(shear['mean']) / 1e3:.4g}"
+    assert [row["record"] for row in table_with(found, "pga (g)")] == ["motion.mseed"] * 2 + ["other.mseed"]
+    # A row for each motion, the largest drift first.
+    runs = sorted(rows("out/runs.csv"), key=lambda row: -float(row["peak_drift_ratio"]))
+    for told, row in zip(table_with(found, "status"), runs, strict=True):
+        assert (told["record"], told["component"], told["status"]) == (row["record"], row["component"], "done")
+        assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
+
+
+def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
+    """Limit, value and place, in words and in color; --require makes the limit of one run a gate, too."""
+    drifts = [float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)]
+    largest, place = max(drifts), drifts.index(max(drifts)) + 1
+    for limit, kept in ((1.01 * largest, True), (0.99 * largest, False)):
+        asked = ("run", "shaken.yaml", "--limit", f"{limit:.8f}", "--require", "--report", f"{kept}.html")
+        result = tdint(*asked, code=0 if kept else 5)
+        said = f"Largest drift {100.0 * largest:.3g} % (story {place}), limit {100.0 * limit:g} %: "
+        assert said + ("within" if kept else "beyond") in result.stderr
+        body = Path(f"{kept}.html").read_text().partition("<body>")[2]
+        verdict = body[body.index('<p class="v ') : body.index("<h2")]
+        assert ("Limit kept." if kept else "Limit NOT kept.") in verdict
+        assert f'class="v {"kept" if kept else "broken"}"' in verdict
 
 
 def test_names_cannot_write_into_the_page(folder: Path, tdint: Command) -> None:
@@ -125,7 +147,8 @@ def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: P
     found = page("page.html")
     told = [dict(zip(*table[:2], strict=True)) for table in found.tables if "scale" in table[0]]
     assert [row["scale"] for row in told] == ["0.5", "2"]
-    assert [row["pga (m/s²)"] for row in told] == [f"{float(row['pga_m_s2']):.4g}" for row in rows("out/runs.csv")]
+    peaks = [float(row["pga_m_s2"]) / 9.80665 for row in rows("out/runs.csv")]
+    assert [row["pga (g)"] for row in told] == [f"{peak:.4g}" for peak in peaks]
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
@@ -268,6 +291,30 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
         elif token == b"ET" and places:
             yield text, places[0], places[-1]
         given = []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with")
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("run", "base-isolated.yaml"), ("run", "ten-story-bilinear.yaml"), ("run", "fluid-dampers.yaml"),
+        ("run", "ten-story-bilinear.yaml", RECORDS / "firm-soil.mseed", RECORDS / "soft-soil.mseed", "--limit", "2%"),
+    ],
+)  # fmt: skip
+def test_no_page_but_the_last_is_more_than_a_quarter_white(
+    folder: Path, tdint: Command, drawn: None, asked: tuple[str, ...]
+) -> None:
+    """Printed to A4: the last ink of each page lies in the lowest quarter of what is between the margins."""
+    tdint(asked[0], CONFIGS / asked[1], *asked[2:], "-q", "--report", "page.html", code=0)
+    assert not re.search(r"\de[+-]\d", page("page.html").text)
+    printed("page.html")
+    subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
+    sheets = [imread(file) for file in sorted(Path().glob("sheet-*.png"))]
+    for sheet in sheets[:-1]:
+        mm = sheet.shape[0] / 297.0
+        inked = np.flatnonzero((sheet[int(15 * mm) : int(278 * mm), :, :3].min(axis=2) < 0.8).any(axis=1))
+        assert inked[-1] > 0.75 * 263 * mm
 
 
 @pytest.mark.slow

@@ -73,7 +73,7 @@ def _layout(source: random.Random) -> Any:
     return tdint.TextLayout(_number(source), source.choice((("1",), "2", 3, (), "x", None)), _number(source))
 
 
-_METHOD = _text("newmark-average", "impulse4", "exact", "newmark:beta=0.3,gamma=0.6")
+_METHOD = _text("newmark-average", "impulse4", "exact", "newmark:beta=0.3:gamma=0.6")
 _PROCESSING = {
     "trim": lambda source: source.choice(((0.1, 0.3), (_number(source), _number(source)))),
     "baseline": _text("constant", "linear"),

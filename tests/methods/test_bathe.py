@@ -12,7 +12,7 @@ from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
-METHODS = ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5", "bathe:rho_inf=1", "bathe:rho_inf=0.8,gamma=0.3")
+METHODS = ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5", "bathe:rho_inf=1", "bathe:rho_inf=0.8:gamma=0.3")
 
 
 def published(rho_inf, gamma):

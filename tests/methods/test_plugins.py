@@ -23,6 +23,7 @@ from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
+from tdint.analysis.run import workspace
 from tdint.analysis.run.prepared import of_everything
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
@@ -465,3 +466,37 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         with pytest.raises(UsageError, match=f"this is of the plug-in {file}, which is another one by now: load the"):
             tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "fault"),
+    [
+        ("few", ("FACTORS + factor_rows(modes)", "2"), "of work is used, 2 are declared"),
+        (
+            "forgets",
+            ("        commit(law_parameters, springs, i, at.SECOND_TRIAL", "        abs("),
+            "is each story's state",
+        ),
+        ("sound", ("", ""), ""),
+    ],
+)
+def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(tmp_path, monkeypatch, name, change, fault):
+    """Once for each state of its sources, in Python and on the command line; what is sound is not looked at again."""
+    text = (Path(__file__).parent / "recipes/sdirk3.py").read_text().replace(change[0] or "\0", change[1])
+    text = (
+        text.replace("abs(, at.THIRD_TRIAL)", "abs(0)").replace('"sdirk3"', f'"{name}"').replace('"sdirk"', f'"{name}"')
+    )
+    tdint.load_plugin(str(outside(tmp_path, text, name)))
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.delenv("TDINT_KERNELS", raising=False)
+    looked, integrator = [], methods.parse(name)
+    real = order.faults_of_step
+    monkeypatch.setattr(order, "faults_of_step", lambda integrator: looked.append(1) or real(integrator))
+    for _ in range(2):
+        workspace.LOOKED_AT.discard(integrator.family.step)  # as another process
+        if fault:
+            with pytest.raises(AnalysisError, match=fault):
+                tdint.run({"stories": [{"mass": 1e3, "stiffness": 1e6}]}, method=name, dt=0.01, duration=1.0)
+        else:
+            workspace.look_at_once(integrator)
+    assert len(looked) == (2 if fault else 1)

@@ -245,3 +245,18 @@ def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, cap
         writer.kill()
     remove_abandoned(tmp_path)
     assert names(tmp_path) == sorted([far, old])
+
+
+@pytest.mark.parametrize(("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)])
+def test_the_processes_of_others_may_be_hidden(tmp_path, monkeypatch, error, is_there):
+    """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would tell its start."""
+
+    def kill(process, number):
+        if error:
+            raise error
+
+    temporary = tmp_path / f".tdint-{this_host()}-4194303-7-0123456789abcdef.tmp"
+    temporary.write_text("live")
+    monkeypatch.setattr(os, "kill", kill)
+    remove_abandoned(tmp_path)
+    assert temporary.exists() == is_there

@@ -105,9 +105,9 @@ def test_method_table_lists_the_catalogue():
     central = by_name["central-difference"]
     assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == ("false", "2", "")
     newmark = by_name["newmark"]
-    assert newmark["parameters"] == "beta=0.25 in [0, 1]; gamma=0.5 in [0.5, 1]"
+    assert newmark["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
     assert (newmark["order"], newmark["implicit"], newmark["stability_limit"]) == ("2", "true", "none")
-    assert by_name["collocation"]["parameters"].endswith("in [1, 10], computed")
+    assert by_name["collocation"]["parameters"].endswith("in [1 to 10] computed")
     assert all(row["source"] for row in by_name.values())
 
 
@@ -237,8 +237,8 @@ def test_dashpots_of_a_model_say_their_law():
     model = load_model({"stories": stories})
     assert [row[-1] for row in buildings.model_table(model).rows] == [
         "5000 v (N; v in m/s)",
-        "8000 v^0.5 (N; v in m/s)",
+        "8000 v^0.5 (N; v in m/s; linear below 0.01 m/s)",
         "",
     ]
-    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s)"
+    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s; linear below 10 mm/s)"
     assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == words

@@ -252,6 +252,7 @@ def _folder(request: IdaRequest) -> Path | None:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
+    from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
     files: dict[Path, Content] = {}
@@ -263,6 +264,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         said = {
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
+            "method_parameters": resolved(study.method),
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
             **asdict(settings),

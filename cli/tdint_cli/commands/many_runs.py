@@ -50,8 +50,7 @@ ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMA
 _OF_ONE = ("history", "every", "tolerance", "allow_unstable", "export_floors")
 SINGLE = Mode(
     "with a single run",
-    frozenset((*_OF_ONE, "duration")),
-    {"limit": "it is for the mean over several records; the drifts of one are in its table"},
+    frozenset((*_OF_ONE, "duration", "limit")),
 )
 SEQUENCE = Mode(
     "with --sequence",

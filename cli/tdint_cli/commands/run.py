@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint import system
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_room, is_folder, write_files
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
+from tdint_cli.campaigns import kept_words
 from tdint_cli.commands.many_runs import (
     ALL_FILES,
     MODES,
@@ -156,13 +157,40 @@ def _run(request: Request) -> None:
         )
         _write(request, {}, content)
         raise
+    judged = _judged(response, request.limit)
     emit_table(_stories(request, response))
     _write(request, *_files(request, response, case, inputs, began))
     say(_paragraph(response, request.units_shown))
+    if judged:
+        say(judged[1])
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
     warn(*response.warnings)
     _remark(record, response.notes)
+    if judged and request.require and not judged[0]:
+        raise AnalysisError(f"the drift limit is not met: {judged[1]}")
+
+
+def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
+    """Whether the largest drift ratio of a run keeps a limit, and the sentence on it; None where there is none.
+
+    Raises
+    ------
+    UsageError
+        The building has no story with a height.
+    """
+    from tdint.analysis.run.demands import demands
+
+    if limit is None:
+        return None
+    largest = demands(response.stories).drift_ratio
+    if largest.place is None:
+        raise UsageError("--limit: a limit of drift ratios needs story heights, and the model gives none")
+    kept = bool(largest.value <= limit) and not response.collapse
+    words = "within" if kept else "beyond"
+    words += f", status {response.status}" if response.collapse else ""
+    drift = f"{100.0 * largest.value:.3g} % (story {largest.place})"
+    return kept, f"Largest drift {drift}, limit {100.0 * limit:g} %: {words}."
 
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
@@ -233,21 +261,28 @@ def _files(
     first = first_mode(case.building, response.record)
     content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
     if request.report:
-        from tdint.output.report import Told, run_page
+        from tdint.output.page import Told, page_units
+        from tdint.output.report import run_page
 
         model = response.model
+        page = page_units(model.page_units)
+        # What was judged; without a limit the largest demands.
+        verdict: tuple[bool | None, str] = (None, f"Largest {_largest(model, response.stories, page, page=True)}.")
+        if judged := _judged(response, request.limit):
+            verdict = (judged[0], kept_words(judged[0]) + judged[1])
         # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
         warnings = [_collapsed(response, response.collapse)] if response.collapse else []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
         told = Told(
-            said=_paragraph(response, model.page_units, page=True).splitlines(),
+            said=_paragraph(response, page, page=True).splitlines(),
+            verdict=[verdict],
             warnings=[*warnings, *response.warnings],
             head=request.report_head or model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),
         )
         floors = request.of_floors.of_run(response)
-        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=model.page_units)
+        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=page)
     return files, content
 
 

@@ -38,7 +38,7 @@ class Request(options.analysis.OscillatorRequest):
 @options.command(
     "stability",
     "tdint stability --method impulse4,hht --plot=stability.png",
-    "tdint stability --method newmark:beta=0.25,gamma=0.5 --dt-over-t 0.1,1 --damping 5%",
+    "tdint stability --method newmark:beta=0.25:gamma=0.5 --dt-over-t 0.1,1 --damping 5%",
 )
 @options.analysis.of_oscillator(_DRAWN)
 @options.of(Request)

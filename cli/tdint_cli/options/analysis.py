@@ -85,7 +85,7 @@ def method_of(needs: str) -> grammar.Declaration:
         needs=needs,
         metavar="SPEC",
         common=True,
-        help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists "
+        help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; `tdint methods` lists "
         "all.",
     )
 
@@ -103,7 +103,7 @@ def methods(text: str) -> grammar.Declaration:
         callback=_specifications,
         metavar="SPEC,...",
         common=True,
-        help=f"Time-integration methods with their parameters, such as newmark:beta=0.25,gamma=0.5; {text} if there is "
+        help=f"Time-integration methods with their parameters, such as newmark:beta=0.25:gamma=0.5; {text} if there is "
         "none.",
     )
 

@@ -234,7 +234,7 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> P
     return replace(
         (_read_vary(vary) if vary else None) or ParameterSweep(),
         place=vary.place if vary else None,
-        methods=tuple(dict.fromkeys(method.label for item in texts if (method := item.parsed(parse_method)))),
+        methods=tuple(method.label for method in dict.fromkeys(item.parsed(parse_method) for item in texts) if method),
         steps=tuple(dict.fromkeys(number for item in numbers if (number := positive(item)))),
     )
 

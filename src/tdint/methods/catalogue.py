@@ -22,7 +22,7 @@ from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method
 from tdint.model.definition import LAWS, register_law
-from tdint.model.plugins import Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
+from tdint.model.plugins import LOG, Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
 from tdint.tabular import Several
 
 FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
@@ -143,7 +143,8 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
 
 
 def parse(text: str) -> Integrator:
-    """Read a specification such as `generalized-alpha` or `newmark:beta=0.25,gamma=0.5`.
+    """Read a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`. Commas in place of the further
+    colons are read with a line that says so: they would part the cells of a table.
 
     Raises
     ------
@@ -160,7 +161,8 @@ def parse(text: str) -> Integrator:
     # The parameters that the specification names: numbers, or fractions such as 1/144.
     allowed = {parameter.name: parameter for parameter in method.parameters}
     given: dict[str, float] = {}
-    for item in rest.split(",") if rest or ":" in text else ():
+    items = rest.replace(",", ":").split(":") if rest or ":" in text else []
+    for item in items:
         key, equals, number = (part.strip() for part in item.partition("="))
         if key not in allowed:
             has = ", ".join(f"{parameter.name} in {parameter.range}" for parameter in method.parameters) or "none"
@@ -184,7 +186,21 @@ def parse(text: str) -> Integrator:
         if not parameter.allows(value):
             raise UsageError(f"method {text!r}: {parameter.name} must lie in {parameter.range}, got {value!r}")
         values.append(value)
-    return Integrator(method, tuple(values))
+    typed = ":".join([name, *("".join(item.split()) for item in items)])
+    if "," in rest:
+        _deprecate(text, typed)
+    return Integrator(method, tuple(values), typed)
+
+
+def resolved(specification: str) -> dict[str, float]:
+    """The value of each parameter of a method, given or by default."""
+    return parse(specification).resolved
+
+
+@cache
+def _deprecate(text: str, typed: str) -> None:
+    """Once for each text, however often it is read."""
+    LOG.warning("method %r: write %s; commas between parameters are still read", text, typed)
 
 
 def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:

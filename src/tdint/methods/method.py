@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -134,18 +133,30 @@ class Method:
 
 @dataclass(frozen=True)
 class Integrator:
-    """A method with the values of its parameters: what `method: newmark:beta=0.25,gamma=0.5` stands for."""
+    """A method with the values of its parameters: what `method: newmark:beta=0.25:gamma=0.5` stands for.
+
+    Attributes
+    ----------
+    typed : str
+        The specification as it was given, without which two are the same.
+    """
 
     method: Method
     values: tuple[float, ...] = ()
+    typed: str = field(default="", compare=False)
 
-    @cached_property
+    @property
     def label(self) -> str:
-        """The specification in full, as the catalogue reads it."""
-        if not self.values:
-            return self.method.name
-        pairs = zip(self.method.parameters, self.values, strict=True)
-        return self.method.name + ":" + ",".join(f"{parameter.name}={value!r}" for parameter, value in pairs)
+        """Its name in tables, pictures and JSON: as typed, which the catalogue reads."""
+        full = (f"{name}={value!r}" for name, value in self.resolved.items())
+        return self.typed or ":".join([self.method.name, *full])
+
+    @property
+    def resolved(self) -> dict[str, float]:
+        """The value of each parameter, given or by default."""
+        # Without values where a plug-in could not be loaded: its method is not asked.
+        names = (parameter.name for parameter in self.method.parameters) if self.values else ()
+        return dict(zip(names, self.values, strict=True))
 
     @property
     def family(self) -> Family:

@@ -1,14 +1,11 @@
-"""A page for a report: one HTML file with tables and pictures in it, which needs no network and prints on A4."""
+"""The pages of --report: which chapters a run, a suite, a pushover, modes and a comparison have."""
 
 from __future__ import annotations
 
-import base64
-import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,51 +16,25 @@ from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.record import Record, component_names
+from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
-from tdint.output.summary import campaign_summary, versions
+from tdint.output.page import DIGEST, Chapter, Part, Picture, Told, once, page, page_units
+from tdint.output.summary import campaign_summary
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
-from tdint.output.tables.table import TEXT, Cell, Table, converted
+from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits, suffix
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tdint.analysis.run.outcome import Response
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
-
-MOST_COLUMNS = 9
-"""Of a table on a page of A4: numbers of four digits, at 8.5 points, do not break."""
-
-_DIGEST = "SHA-256"
-"""Name of the column of digests, which are long."""
-
-_LARGE = 160_000
-"""Bytes of a picture as SVG, from which it is put in as PNG: a long history has many points."""
-
-_STYLE = """
-@page { size: A4; margin: 15mm }
-body { font: 10pt/1.4 system-ui, "Segoe UI", Helvetica, Arial, sans-serif; color: #111; max-width: 180mm;
-  margin: 8mm auto; padding: 0 4mm }
-h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 7mm 0 2mm; border-bottom: 1px solid #bbb }
-table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0; width: 100% }
-th, td { border-bottom: 1px solid #ddd; padding: 0.6mm 1.2mm; text-align: right; vertical-align: top }
-td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
-td.d { font: 6.5pt monospace; text-align: left }
-th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
-thead { display: table-header-group } tr, table, figure, p.w { break-inside: avoid } h2, p.k { break-after: avoid }
-figure { margin: 3mm 0 } img { max-width: 100%; max-height: 245mm; display: block; margin: 0 auto }
-figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
-code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0; padding-left: 5mm }
-@media print { body { margin: 0; padding: 0; max-width: none } img { max-height: 160mm } }
-"""
 
 LEFT_OUT = (
     "Each floor is one mass that moves sideways in one direction; there is no torsion, no floor flexibility, no "
@@ -73,148 +44,6 @@ LEFT_OUT = (
     "Story laws do not know of one another; strength does not depend on axial force.",
 )
 """What a shear building leaves out."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture and what stands below it."""
-
-    draw: Callable[[], Figure]
-    caption: str
-
-
-Part = str | Table | Picture | Sequence[str]
-"""A paragraph, a table, a picture, or a list of points."""
-
-
-@dataclass(frozen=True)
-class Chapter:
-    """A heading and what stands below it."""
-
-    title: str
-    parts: Sequence[Part]
-
-
-@dataclass(frozen=True)
-class Told:
-    """What a page says beside the numbers that it is made of.
-
-    Attributes
-    ----------
-    said : sequence of str
-        The result in a few sentences.
-    warnings : sequence of str
-        What changes the meaning of a number.
-    head : sequence of (str, str)
-        Names and texts of the lines at its top: project, author, date.
-    inputs : sequence of mapping
-        The files that were read, with their SHA-256.
-    """
-
-    said: Sequence[str] = ()
-    warnings: Sequence[str] = ()
-    head: Sequence[tuple[str, str]] = ()
-    inputs: Sequence[Mapping[str, Any]] = ()
-
-
-def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
-    """The page, UTF-8: title, head, a sentence about it, warnings, chapters; and the versions that made it."""
-    # Sixteen digits of a plug-in's digest tell its versions apart.
-    of_all = versions()
-    code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
-    made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
-    body = [f"<h1>{escape(title)}</h1>"]
-    if told.head:
-        lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
-        body.append(f'<p class="h">{"<br>".join(lines)}</p>')
-    body.append(f"<p>{escape(about)}</p>")
-    body += [f'<p class="w"><strong>Warning:</strong> {_said(text)}</p>' for text in _once(told.warnings)]
-    for chapter in chapters:
-        # What there is nothing to say of has no heading.
-        if any(_has(part) for part in chapter.parts):
-            body += [f"<h2>{escape(chapter.title)}</h2>", *(_part(part) for part in chapter.parts if _has(part))]
-    body.append(f"<h2>Versions</h2><p>{escape(made)}</p>")
-    text = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n" + "\n".join(body)
-    )
-    return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
-
-
-def _has(part: Part) -> bool:
-    return bool(part.rows) if isinstance(part, Table) else bool(part)
-
-
-def _part(part: Part) -> str:
-    if isinstance(part, str):
-        kept = ' class="k"' if part.endswith(":") else ""
-        return f"<p{kept}>{_said(part)}</p>"
-    if isinstance(part, Table):
-        return _table(part)
-    if not isinstance(part, Picture):
-        return "<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>"
-    # Lines of thousands of points make a drawing larger than its pixels.
-    kind, content = "svg+xml", _drawn(part, ".svg")
-    if len(content) > _LARGE:
-        kind, content = "png", _drawn(part, ".png")
-    data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
-    image = f'<img alt="{caption}" src="data:image/{kind};base64,{data}">'
-    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
-
-
-def _said(text: str) -> str:
-    """Text of files' names and headers, lines kept."""
-    return "<br>".join(escape(line) for line in text.splitlines())
-
-
-def _once(texts: Iterable[str]) -> list[str]:
-    """Texts, each once: what is said of several files (`FILE: text`) with their names before it."""
-    files: dict[str, dict[str, None]] = {}  # sets in the order of arrival
-    for text in texts:
-        file, colon, rest = text.partition(": ")
-        files.setdefault(rest if colon else text, {})[file if colon else ""] = None
-    return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
-
-
-def _drawn(picture: Picture, end: str) -> bytes:
-    stream = io.BytesIO()
-    figures.style.picture(end, picture.draw)(stream)
-    return stream.getvalue()
-
-
-def _table(table: Table) -> str:
-    """A table with its units in the heading and drift ratios in percent, columns without any value left out; one that
-    is wider than a page goes on below with its first column again."""
-    ratios = [name for name in table.columns if "drift_ratio" in name]
-    factors = [0.01 if name in ratios else 1.0 for name in table.columns]
-    cells = [[_shown(cell) for cell in map(converted, row, factors)] for row in table.rows]
-    # A heading is the name of its column in words, the unit in brackets; words and digests stand on the left.
-    heads, sides = [], []
-    for name in table.columns:
-        unit = "%" if name in ratios else table.meanings.get(name, {}).get("unit", TEXT)
-        error = " error" * name.endswith("_error")
-        bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-        heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
-        sides.append(' class="d"' if name == _DIGEST else ' class="t"' if unit == TEXT else "")
-    kept = [i for i in range(len(heads)) if any(row[i] for row in cells)]
-    # The first column says which row it is, on each width.
-    widths = [kept[:MOST_COLUMNS]]
-    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
-        widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
-    tables = []
-    for columns in widths:
-        head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
-        rows = ("".join(f"<td{sides[i]}>{escape(row[i])}</td>" for i in columns) for row in cells)
-        lines = "\n".join(f"<tr>{row}</tr>" for row in rows)
-        tables.append(f"<table><thead><tr>{head}</tr></thead><tbody>\n{lines}\n</tbody></table>")
-    return "\n".join(tables)
-
-
-def _shown(cell: Cell) -> str:
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return ""
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
 def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
@@ -247,13 +76,16 @@ def damping_words(model: Model) -> str:
 def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]] = ()) -> Chapter:
     """Files with their SHA-256, each once, and what else has one."""
     rows = dict.fromkeys([*((given["file"], given["sha256"]) for given in inputs), *more])
-    return Chapter("Inputs", (Table(("file", _DIGEST), list(rows)),))
+    return Chapter("Inputs", (Table(("file", DIGEST), list(rows)),))
 
 
 # ---- The pages of a run and of a suite: which chapters they have
 
 _MOST_MOTIONS = 60
 """Motions whose spectra are drawn."""
+
+_NAMED_SPECTRA = 6
+"""Spectra of which each has its name in a low picture."""
 
 _MOST_LEVELS = 4
 """Levels of which the motions are listed."""
@@ -290,7 +122,7 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
     floors : sequence of FloorSpectrum
         The spectra of its floors that were asked for.
     """
-    model, check = response.model, response.check
+    model, check, units = response.model, response.check, page_units(units)
     whole = story_table(response.stories, check.errors if check else None).in_units(units)
     # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
     damped = any(response.stories.peak_damper_force)
@@ -298,18 +130,25 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
     names = [places[name] for name in _OF_STORIES if name in places and not (damped and name == "peak_shear")]
     omega, damping = assemble(model).first_mode()
     drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
-    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Spectra of floors")
+    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra")
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
-        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, 2.0 * math.pi / omega, damping, units),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
-        _assumptions(f"{response.method}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
-        Chapter("Notes", (_once(response.notes),)),
+        _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
+        Chapter("Notes", (once(response.notes),)),
         _inputs(told.inputs),
     ]
     return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
+
+
+def method_words(specification: str) -> str:
+    """A method by its name and who published it."""
+    chosen = parse(specification)
+    usual = chosen.values == parse(chosen.method.name).values
+    return f"{chosen.method.name if usual else specification} ({chosen.method.source})"
 
 
 def _quantity(table: Table, name: str) -> str:
@@ -366,7 +205,7 @@ def suite_page(
     floors : sequence of FloorSuite
         The spectra of floors over the motions that were asked for.
     """
-    content = campaign_summary(store)
+    content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
@@ -374,28 +213,30 @@ def suite_page(
         lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
-    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Spectra of floors: mean, envelope")
+    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope")
     # Of many buildings the first ones: a page is read, not searched.
     models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
-    methods = ", ".join(dict.fromkeys(item.method for item in models))
+    methods = ", ".join(dict.fromkeys(method_words(item.method) for item in models))
     step_given = plan.settings.dt
     step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
     rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
     # What scaling and records leave doubtful stands at the top, as a warning.
     scaled, doubts = _scaling(plan, units)
+    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
+    warned = [text.partition(": ")[2] for text in of_records]
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
-        Chapter("Over the baseline", (_compared(ratios),) if ratios else ()),
+        Chapter("Ratios to the baseline", (_compared(ratios),) if ratios else ()),
         *(_over_motions(item, units) for item in profiles),
+        _one_by_one(store),
         Chapter("Damage", _damage(store)),
-        Chapter("Spectra of floors", (spectra,) if floors else ()),
+        Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
-        Chapter("Notes", (_once(plan.notes),)),
+        Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
         _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
     ]
-    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
     told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
@@ -403,13 +244,37 @@ def suite_page(
 def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
     """Means and largest values of a building, and where they were estimated their errors."""
     has_heights = not np.isnan(profile.height).any()
-    parts: list[Part] = [
-        profile_table(profile, ("peak_drift_ratio" if has_heights else "peak_drift", *_OF_SUITE), units)
-    ]
+    # An isolator has no height: its drift stands beside the ratios, which limits are for.
+    drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
+    parts: list[Part] = [profile_table(profile, (*drifts, *_OF_SUITE), units)]
     if profile.peak_errors:
         parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Over the motions: {building}", parts)
+
+
+def _one_by_one(store: Store) -> Chapter:
+    """A row for each run, the largest drift first: which motions carry the mean, and which brought a building down."""
+    query = (
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, u.peak_drift_story, "
+        "(SELECT max(s.ductility) FROM story_rows s WHERE (s.building, s.record, s.scale, s.sample) = "
+        "(u.building, u.record, u.scale, u.sample)), u.status FROM run_rows u JOIN buildings b ON b.id = u.building "
+        "JOIN records r ON r.id = u.record ORDER BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
+    )
+    rows = store.connection.execute(query).fetchall()
+    several = len({row[0] for row in rows}) > 1
+    columns = ("building", "record", "component", "factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    # A drift ratio says more than its length.
+    by_ratio = any(row[4] is not None for row in rows)
+    out = {"peak_drift_m" if by_ratio else "peak_drift_ratio", "" if several else "building"}
+    kept = [i for i, name in enumerate((*columns, "status")) if name not in out]
+    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[3:]} | {"peak_drift_m": {"unit": "m"}}
+    shown = [tuple(row[i] for i in kept) for row in rows[:_MOST_MOTIONS]]
+    more = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all." if len(rows) > _MOST_MOTIONS else ""
+    return Chapter(
+        "Motions one by one, largest drift first",
+        (Table(tuple((*columns, "status")[i] for i in kept), shown, meanings), more),
+    )
 
 
 def _compared(ratios: Table) -> Table:
@@ -496,6 +361,8 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 settings["damping"],
                 target=read_target(settings["target"]),
                 periods=np.geomspace(*settings["periods_s"]),
+                # Of the rules that check the average: the picture shows it, and 90 % of the target, by this.
+                least=None if (least := settings["least_average_over_target"]) is None else (least, math.nan),
             )
             parts.append(
                 Picture(partial(figures.collapse.suite_picture, scaling, units), "The scaled motions and the target")
@@ -522,7 +389,9 @@ def _motions(
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]
-            draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+            draw = partial(figures.spectrum_curves.low_picture, spectra, units)
+            if len(spectra) > _NAMED_SPECTRA:
+                draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{said}"))
     return Chapter("Ground motions", parts)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
+from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
@@ -107,6 +108,7 @@ def run_summary(
         "status": response.status,
         "name": response.model.name,
         "method": response.method,
+        "method_parameters": resolved(response.method),
         "dt_s": response.dt,
         "steps": response.steps,
         "duration_s": response.steps * response.dt,
@@ -159,6 +161,7 @@ def failure_summary(
         "largest_stable_dt_s": failure.largest_stable_dt,
         "name": model.name,
         "method": failure.method,
+        "method_parameters": resolved(failure.method) if failure.method else {},
         "dt_s": failure.dt,
         "wall_time_s": wall_time,
         "building": _building(model, first),
@@ -187,8 +190,9 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
-    # Settings are as they were given, and mean what the help says.
-    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
+    # Settings are as they were given, and mean what the help says; parameters what the method's paper says.
+    apart = ("settings", "method_parameters")
+    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key not in apart}))
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 

@@ -284,6 +284,7 @@ def chart_summary(
         "model": {"file": file.file, "sha256": file.sha256},
         "record": record_summary(record) if record else None,
         "target": target,
+        "method_parameters": _parameters_of(point.line for chart in charts for point in chart.points),
         "interval_s": charts[0].interval,
         "timing": [_timing(chart.timing) for chart in charts],
         "references": [
@@ -320,6 +321,7 @@ def field_summary(
     return {
         "schema": schema("profiles"),
         "command": "chart",
+        "method_parameters": _parameters_of(chart.lines),
         "problems": [
             {name: getattr(case, name) for name in names}
             | {
@@ -342,6 +344,13 @@ def field_summary(
         "columns": meanings,
         "versions": versions(),
     }
+
+
+def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
+    """The parameters of each of our methods: a line of another program has a slash, one by tolerance a space."""
+    from tdint.methods.catalogue import resolved  # which most tables do without
+
+    return {line: resolved(line) for line in lines if not set("/ ") & set(line)}
 
 
 def _timing(timing: Timing) -> Mapping[str, Any]:
@@ -412,11 +421,13 @@ def comparison_summary(
 
 def _event(comparison: Comparison) -> dict[str, Any]:
     from tdint.analysis.compare import absolute_displacements
+    from tdint.methods.catalogue import resolved
 
     event, response = comparison.event, comparison.response
     return {
         "name": event.recording.name,
         "method": response.method,
+        "method_parameters": resolved(response.method),
         "dt_s": response.dt,
         "status": response.status,
         "base": {"dt_s": event.base.dt, "samples": event.count, "pga_m_s2": event.base.pga},

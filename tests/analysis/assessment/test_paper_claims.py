@@ -33,7 +33,7 @@ def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
     gamma = 0.6
     lead = damping * (gamma - 0.5)
     limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
-    assert critical_step(parse(f"newmark:beta=0,gamma={gamma}"), damping) == pytest.approx(limit, rel=1e-6)
+    assert critical_step(parse(f"newmark:beta=0:gamma={gamma}"), damping) == pytest.approx(limit, rel=1e-6)
 
 
 @pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])

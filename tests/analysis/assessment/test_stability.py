@@ -17,7 +17,7 @@ from tdint.model.building import oscillators
 ACCURACY = {
     "newmark": ("3.21", "0"), "newmark-average": ("3.21", "0"), "newmark-linear": ("1.60", "0"),
     "fox-goodwin": ("-0.033", "0"), "central-difference": ("-1.69", "0"),
-    "newmark:beta=0.3025,gamma=0.6": ("3.29", "2.95"), "hht": ("3.61", "0.118"), "hht:alpha=-0.1": ("3.95", "0.211"),
+    "newmark:beta=0.3025:gamma=0.6": ("3.29", "2.95"), "hht": ("3.61", "0.118"), "hht:alpha=-0.1": ("3.95", "0.211"),
     "hht:alpha=-1/3": ("4.67", "0.378"), "wbz": ("4.19", "0.340"), "wbz:rho_inf=0.5": ("6.22", "1.27"),
     "wbz:rho_inf=0": ("12.3", "5.49"), "generalized-alpha": ("3.38", "0.016"),
     "generalized-alpha:rho_inf=0.5": ("4.67", "0.378"), "generalized-alpha:rho_inf=0": ("12.3", "5.49"),
@@ -62,8 +62,8 @@ def test_period_error_and_numerical_damping(method):
 
 
 MEMBERS = (
-    *("bathe:rho_inf=0.0,gamma=0.95", "bathe:rho_inf=0.3,gamma=0.05", "bathe:rho_inf=1.0,gamma=0.95"),
-    *("bathe:rho_inf=0.3", "bathe:rho_inf=0.8", "bathe:rho_inf=0.8,gamma=0.5", "bathe:rho_inf=1.0"),
+    *("bathe:rho_inf=0.0:gamma=0.95", "bathe:rho_inf=0.3:gamma=0.05", "bathe:rho_inf=1.0:gamma=0.95"),
+    *("bathe:rho_inf=0.3", "bathe:rho_inf=0.8", "bathe:rho_inf=0.8:gamma=0.5", "bathe:rho_inf=1.0"),
     *("kr-alpha:rho_inf=0.0", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=1.0"),
 )
 EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "rk5"}

@@ -119,7 +119,7 @@ def travelled(thing):
 
 
 @pytest.mark.parametrize(
-    "text", [*catalogue(), "newmark:beta=1/6,gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"]
+    "text", [*catalogue(), "newmark:beta=1/6:gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"]
 )
 def test_integrators_travel(text):
     integrator = parse(text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +16,7 @@ import numpy as np
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, find_instability, shifts
+from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError, UsageError
@@ -347,6 +347,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
         then compiled.
     """
     yielding: dict[str, str] = {}
+    LOOKED_AT.add(integrator.family.step)  # here, with more than a fault to tell
     try:
         _plain_march("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
@@ -372,6 +373,16 @@ def check_method(integrator: Integrator) -> MethodCheck:
         faults.append(f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}")
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
+
+
+def faults_of_step(integrator: Integrator) -> list[str]:
+    """What is wrong with a method's step as plain Python shows it: rows beyond those declared, stories that yield, of
+    one law alone, for it is waited for (3 s)."""
+    try:
+        _plain_march("linear", integrator, 1)
+        return [] if integrator.family.linear_only else list(_yielding_faults(integrator, ["bilinear"]).values())
+    except AnalysisError as error:
+        return [str(error)]
 
 
 def check_law(model: Model, story: int) -> list[str]:
@@ -530,10 +541,10 @@ def _true_motion(law: str) -> Array:
     return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
 
 
-def _yielding_faults(integrator: Integrator) -> dict[str, str]:
+def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
     """What a method does wrong where stories yield, a line by what it is: each for the law that shows it first."""
     label, faults = integrator.label, dict[str, str]()
-    for law in _YIELDING:
+    for law in laws:
         true = _true_motion(law)
         size = float(np.max(np.abs(true)))
         try:

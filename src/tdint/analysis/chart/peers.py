@@ -19,7 +19,7 @@ import numpy as np
 from tdint import system
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, errors
-from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, line_of, silent
+from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, silent
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
@@ -186,7 +186,7 @@ def _point(
     """The point that a run is."""
     integrator, steps = run
     got = {name.partition("_")[2]: value for name, value in answer.items() if name.startswith(f"{number}_")}
-    name, line = f"openseespy/{integrator.label}", f"openseespy/{line_of(integrator)}"
+    name = line = f"openseespy/{integrator.label}"
     outcome = str(got["outcome"])
     if outcome != DONE:
         return Point(name, steps.h, steps.count, outcome, line=line)

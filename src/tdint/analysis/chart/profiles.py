@@ -29,7 +29,6 @@ from tdint.analysis.chart.work_precision import (
     Point,
     Progress,
     Timing,
-    line_of,
     performance_ratios,
     silent,
     suited,
@@ -323,7 +322,7 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
     points: list[Point] = []
     for dt in dts:
         steps = posed.steps(dt)
-        bare = Point(integrator.label, steps.h, steps.count, DONE, line=line_of(integrator))
+        bare = Point(integrator.label, steps.h, steps.count, DONE, line=integrator.label)
         try:
             response = posed.case(integrator).march(steps)
         except FailedRun as failure:

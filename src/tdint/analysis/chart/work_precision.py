@@ -86,8 +86,8 @@ class Point:
     Attributes
     ----------
     method, line : str
-        The method with its parameters; the line of the chart that the point belongs to: the same, without parameters
-        that have their defaults.
+        The method with its parameters; the line of the chart that the point belongs to: the same
+        but for what chooses its steps by a tolerance.
     dt : float
         Time step, s; nan for a method that chooses its own.
     steps, iterations : int
@@ -346,7 +346,7 @@ def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float],
 
 def _within(problem: Problem, reference: Reference, integrator: Integrator, tolerance: float, repeats: int) -> Point:
     """One method with one tolerance; the first run compiles and is not timed."""
-    line = f"{line_of(integrator)} by tolerance"
+    line = f"{integrator.label} by tolerance"
     point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
     try:
         response = problem.within(integrator, tolerance)
@@ -446,7 +446,7 @@ def _timed(
     for integrator, steps in pairs:
         advance("errors", steps)
         outcome = problem.outcome(integrator, steps)
-        point = Point(integrator.label, steps.h, steps.count, outcome, line=line_of(integrator))
+        point = Point(integrator.label, steps.h, steps.count, outcome, line=integrator.label)
         if outcome in (DONE, *FALLEN):
             march = problem.march(integrator, steps, keep=True)
             if march.motion is not None:
@@ -466,12 +466,6 @@ def _timed(
         if turn >= repeats and verdict == before:
             break
     return points
-
-
-def line_of(integrator: Integrator) -> str:
-    """A short name of a method: its label, or its name alone where all parameters have their defaults."""
-    name = integrator.method.name
-    return name if parse(name) == integrator else integrator.label
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:

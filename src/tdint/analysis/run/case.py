@@ -410,7 +410,9 @@ class Case:
         unresolved = unresolved_errors(self.building, space, steps.late)
         moving = moving_drift(self.building, space)
         notes = self._notes(steps, space, stories, unresolved, moving, bool(collapse and collapse.ended))
-        warnings = [*self._doubts, *unusual_stories(DUCTILITY, stories.ductility)]
+        # Isolators are made for it, and what has no height is no story of a frame.
+        ductility = np.where(np.isfinite(self.building.heights), stories.ductility, math.nan)
+        warnings = [*self._doubts, *unusual_stories(DUCTILITY, ductility)]
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "lost to" if energy.error > 0.0 else "made by"
             warnings.insert(

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +18,7 @@ from tdint.arrays import Array, halved
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.march import march
@@ -22,7 +27,7 @@ from tdint.kernels.stepping import Memory, Scene, Seen
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 from tdint.model.definition import CODES, LAWS
-from tdint.system import available_memory
+from tdint.system import available_memory, cache_subfolder
 
 HALVINGS = 8
 """How often a step that does not converge is halved before the run ends."""
@@ -80,8 +85,9 @@ def workspace(
     Raises
     ------
     AnalysisError
-        The memory that is free does not hold them.
+        The memory that is free does not hold them; a plug-in's method that is found to be wrong.
     """
+    look_at_once(integrator)
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
@@ -130,8 +136,45 @@ def history_width(building: Building, integrator: Integrator) -> int:
     return 1 + at.HISTORY_FIELDS * building.stories + at.ENERGY_TERMS
 
 
+LOOKED_AT: set[Kernel] = set()
+"""Steps of plug-ins that this process has executed in plain Python, or need not, for somebody does it now."""
+
+_ONE_AT_A_TIME = threading.RLock()
+
+
+def look_at_once(integrator: Integrator) -> None:
+    """Execute the step of a plug-in in plain Python before its first compiled run, which would write beyond the ends of
+    arrays or forget a story's state in silence: once for each state of its sources, which the cache of kernels keeps.
+
+    Raises
+    ------
+    AnalysisError
+        What is wrong with it.
+    """
+    step = integrator.family.step
+    if step.function.__module__.startswith("tdint.") or os.environ.get("TDINT_KERNELS") == "python":
+        return
+    with _ONE_AT_A_TIME:
+        if step in LOOKED_AT:
+            return
+        folder = cache_subfolder("plugins")
+        file = folder and folder / f"{digest(step.name)}-{integrator.method.name}"
+        if file is None or not file.exists():
+            # Found by name when it is needed: it marches with what is declared here.
+            faults_of_step = import_module("tdint.analysis.assessment.order").faults_of_step
+            LOOKED_AT.add(step)
+            if faults := faults_of_step(integrator):
+                LOOKED_AT.remove(step)
+                raise AnalysisError(f"{'; '.join(faults)} (`tdint check --plugin` looks at all that it declares)")
+            if file is not None:
+                with suppress(OSError):
+                    file.touch()
+        LOOKED_AT.add(step)
+
+
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
-    """The kernels that a march calls, those first that take the longest to compile."""
+    """The kernels that a march calls, those first that take the longest to compile. Errors are `look_at_once`'s."""
+    look_at_once(integrator)
     return [(kernel, variant) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
 
 

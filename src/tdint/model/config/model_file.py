@@ -225,7 +225,7 @@ _INITIAL = Keys(
 )
 _ANALYSIS = Keys(
     (
-        Key("method", Words(), "time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5"),
+        Key("method", Words(), "time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5"),
         Key("dt", POSITIVE, "time step, s"),
         Key("duration", POSITIVE, "time to integrate, s"),
     )

@@ -4,7 +4,6 @@ what they cost for their errors."""
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -92,7 +91,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
     if len(curves) == 1:
-        title = f"{short_labels([curves[0].method])[curves[0].method]}\n{title}"
+        title = f"{curves[0].method}\n{title}"
     add_title(figure, title)
     return figure
 
@@ -103,13 +102,12 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
-    short = short_labels([motion.method for motion in motions])
     styles = line_styles([motion.method for motion in motions], [motion.damping for motion in motions])
     lines = {}
     for motion, style in zip(motions, styles, strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
         row = panels[starts.index(motion.start)]
-        label = short[motion.method] + f", ξ {motion.damping:g}" * (len(dampings) > 1)
+        label = motion.method + f", ξ {motion.damping:g}" * (len(dampings) > 1)
         (lines[label],) = row[0].plot(motion.displacement, **style)
         row[1].plot(motion.velocity, **style)
     for start, row in zip(starts, panels, strict=False):
@@ -135,7 +133,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
         "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
-    add_title(figure, f"{short[first.method]}\n{title}" if len(short) == 1 else title)
+    add_title(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
     return figure
 
 
@@ -158,23 +156,9 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
     if has_ratio and not several:
         title += f", frequency ratio {first.frequency_ratio:g}"
     if len({order.method for order in measured}) == 1:
-        title = f"{short_labels([first.method])[first.method]}\n{title}"
+        title = f"{first.method}\n{title}"
     add_title(figure, name + title)
     return figure
-
-
-def short_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Labels with four digits per parameter, where they still differ from each other."""
-    short = {label: re.sub(r"=([^,]+)", lambda match: f"={_number(float(match[1]))}", label) for label in labels}
-    return short if len(set(short.values())) == len(short) else {label: label for label in labels}
-
-
-def _number(value: float) -> str:
-    """Four digits; a fraction such as 1/144 where it is one that they do not tell."""
-    digits = f"{value:.4g}"
-    whole = round(1.0 / value) if value else 0
-    is_fraction = float(digits) != value and 0 < whole < 1000 and value == 1.0 / whole
-    return f"1/{whole}" if is_fraction else digits
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
@@ -246,9 +230,8 @@ def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
 
 
 def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
-    short = short_labels([curve.method for curve in curves])
     several = len({curve.damping for curve in curves}) > 1
-    return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
+    return [curve.method + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -283,7 +266,6 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
-    short = short_labels(methods)
     lines = []
     styles = _thinned(line_styles(methods, [0.0] * len(methods)), thin)
     for method, style in zip(methods, styles, strict=True):
@@ -300,7 +282,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
-    add_legend(figure, upper, lines, [short[method] for method in methods], NARROW)
+    add_legend(figure, upper, lines, methods, NARROW)
     return figure
 
 
@@ -308,7 +290,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = short_labels([order.method for order in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -324,7 +305,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     for order, row in zip(measured, rows, strict=True):
         if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
-    axes.set_yticks(rows, [short[order.method] for order in measured], parse_math=False)
+    axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
@@ -401,8 +382,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     axes.xaxis.tick_top()
     upright = {"rotation": 90.0} if narrow else {"rotation": 60.0, "ha": "left"}
     axes.set_xticks(range(len(columns)), [f"{name}, dt {dt:.4g}" for name, dt in columns], **upright)
-    short = short_labels(methods)
-    axes.set_yticks(range(len(methods)), [short[method] for method in methods], parse_math=False)
+    axes.set_yticks(range(len(methods)), methods, parse_math=False)
     for first in range(1, len(columns)):
         if columns[first][0] != columns[first - 1][0]:
             axes.axvline(first - 0.5, color="black", linewidth=1.2)

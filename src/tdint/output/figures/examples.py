@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
-from tdint.output.figures.assessment import line_styles, short_labels
+from tdint.output.figures.assessment import line_styles
 from tdint.output.figures.style import NARROW, add_legend, add_title
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
     near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
-    labels = list(short_labels([run.method for run in runs]).values())
+    labels = [run.method for run in runs]
     lines: dict[str, Any] = {}
     for axes, part in ((wide, slice(None)), (close, near)):
         if not shown.is_error:

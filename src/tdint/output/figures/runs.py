@@ -46,7 +46,6 @@ _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of i
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
 _WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
-_APART = 8.0  # the first story's drift over the largest of all others, from which it is that of an isolator
 _LAYER = 1e-4  # an energy is drawn that reaches this part of the largest input
 _SAME = 1e-9  # times that differ by less than this part are the same
 _NAMED = 3  # shocks whose records the title names
@@ -225,16 +224,15 @@ class _Drifts:
 
     @classmethod
     def of(cls, response: Response, units: OutputUnits) -> _Drifts:
-        """By height where there is one: stories without one are apart, and a first story that slides under the rest."""
+        """By height where there is one: isolators and stories without a height are apart, whatever collapses is not."""
         stories = response.stories
         tall = np.isfinite(stories.height)
         by_height = bool(tall.any())
         length = np.full_like(stories.height, 1.0 / units.unit("m")[1])
         scale = 100.0 / np.where(tall, stories.height, 1.0) if by_height else length
         peak, residual = scale * stories.peak_drift, scale * np.abs(stories.residual_drift)
-        apart = ~tall if by_height else np.zeros(peak.size, dtype=bool)
-        if peak.size > 2 and not apart.any():
-            apart[0] = peak[0] > _APART * np.max(peak[1:])
+        apart = np.array([story.isolator for story in response.model.stories]) | (by_height & ~tall)
+        apart &= not apart.all()
         error = None if response.check is None else scale * response.check.errors.peak_drift
         return cls(peak, residual, error, "%" if by_height else units.label("m"), apart)
 

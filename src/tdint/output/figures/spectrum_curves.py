@@ -408,6 +408,13 @@ def spectrum_picture(
     return figure
 
 
+def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
+    """The pseudo-accelerations alone, for a page: low, so that letters can be read where there is little room."""
+    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    draw_accelerations(figure.subplots(), spectra, units.in_pictures)
+    return figure
+
+
 def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
     return draw_over_periods(spectra, _elastic_panels(units), labels)
 

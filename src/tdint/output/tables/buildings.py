@@ -299,7 +299,8 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
         dashpot = ""
         if coefficient:
             law = "v" if exponent == 1.0 else f"v^{exponent:g}"
-            dashpot = f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed})"
+            below = f"; linear below {power.linear_below / rate:.4g} {speed}" if power and power.linear_below else ""
+            dashpot = f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed}{below})"
         rows.append((*row, law_words(story, units), dashpot))
     return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
     from tdint.validation import ValidationResult
 
 
+def _uncut(name: str) -> Callable[[Any], str]:
+    """A text of ours without commas, that a table can be split at them."""
+    return lambda row: str(attrgetter(name)(row)).replace(",", ";")
+
+
 def _power(value: float) -> float:
     """A power; nan for that of nothing, minus infinity."""
     return value if math.isfinite(value) else math.nan
@@ -33,9 +39,10 @@ METHOD = (
     Column(
         "parameters",
         "text",
-        # beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed: a computed default follows from the ones before it.
+        # beta=0.25 in [0 to 1]; theta=1.02 in [1 to 10] computed: a computed default follows from the ones before it.
         lambda integrator: "; ".join(
-            f"{parameter.name}={cell_text(value)} in {parameter.range}" + ", computed" * callable(parameter.default)
+            f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
+            + " computed" * callable(parameter.default)
             for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True)
         ),
         "defaults and ranges",
@@ -49,7 +56,7 @@ METHOD = (
         "largest stable omega dt without damping; none for stable at any step",
     ),
     Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
-    Column("source", "text", "method.source", "who published it"),
+    Column("source", "text", _uncut("method.source"), "who published it"),
 )
 
 
@@ -162,7 +169,7 @@ FAILURE = (
     Column("outcome", "text", "outcome", "how `tdint run` ends"),
     Column("verdict", "text", "verdict", "pass, the fault found, or how the run failed"),
     Column("end_s", "s", "time", "last time reached"),
-    Column("error_of", "text", "error_of", "what the error is"),
+    Column("error_of", "text", _uncut("error_of"), "what the error is"),
 )
 
 
@@ -207,8 +214,11 @@ def reference_table(methods: Iterable[Method]) -> Table:
     for method in methods:
         references = references_of(method)
         # The DOI has a column of its own; a plug-in's method has its source alone.
-        rows += [(method.name, reference.text.partition(" doi:")[0], reference.doi) for reference in references]
-        rows += [] if references else [(method.name, method.source, "")]
+        rows += [
+            (method.name, reference.text.partition(" doi:")[0].replace(",", ";"), reference.doi)
+            for reference in references
+        ]
+        rows += [] if references else [(method.name, method.source.replace(",", ";"), "")]
     return Table.of(REFERENCE, rows)
 
 
@@ -302,14 +312,14 @@ MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[5:]))
 
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
-    Column("what", "text", "case.title", "what it shows"),
-    Column("source", "text", "case.source", "where its numbers come from"),
+    Column("what", "text", _uncut("case.title"), "what it shows"),
+    Column("source", "text", _uncut("case.source"), "where its numbers come from"),
     Column("numbers", "1", lambda one: len(one.case.published), "how many numbers are compared"),
-    Column("unit", "text", "case.unit", "unit of the numbers"),
+    Column("unit", "text", _uncut("case.unit"), "unit of the numbers"),
     Column("relative", "text", "case.relative", "whether differences are over the published numbers"),
     Column("largest_difference", "1", "largest", "largest difference of computed from published numbers"),
     Column("tolerance", "1", "case.tolerance", "the largest difference that the case allows"),
-    Column("difference_is", "text", "case.difference_is", "what differences are made of"),
+    Column("difference_is", "text", _uncut("case.difference_is"), "what differences are made of"),
     Column("within", "text", "within", "whether all numbers are within the tolerance"),
 )
 

@@ -55,7 +55,7 @@ INFO = (
     Column(
         "notes",
         "text",
-        lambda info: "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes)),
+        lambda info: "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes)).replace(",", ";"),
         "remarks",
     ),
 )
