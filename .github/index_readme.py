@@ -1,8 +1,11 @@
-"""The README as a package index shows it: without the pictures and links that lead into the source archive."""
+"""What a package index shows: the README, and the addresses of the project where it has one.
+
+Links lead to the project's files of this version; without an address, pictures and links into the checkout go."""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -22,18 +25,41 @@ _LINK = re.compile(r"\[([^]]*)\]\((?!https?:)([^)#]*)(#[^)]*)?\)")
 
 
 class ReadmeHook(MetadataHookInterface):
-    """Puts `for_index` of README.md into the metadata."""
+    """Puts `for_index` of README.md and `urls` into the metadata."""
 
     def update(self, metadata: dict[str, Any]) -> None:
-        text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
-        metadata["readme"] = {"content-type": "text/markdown", "text": for_index(text)}
+        root = Path(self.root)
+        project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+        source = (root / project["tool"]["hatch"]["version"]["path"]).read_text(encoding="utf-8")
+        found = re.search(r'^__version__ = "(.+)"', source, re.MULTILINE)
+        repository = project["tool"]["tdint"]["repository"].rstrip("/")
+        text = for_index((root / "README.md").read_text(encoding="utf-8"), repository, found[1] if found else "")
+        metadata["readme"] = {"content-type": "text/markdown", "text": text}
+        metadata["urls"] = urls(repository)
 
 
-def for_index(text: str) -> str:
-    """A text without comments and pictures, its first run one that needs no checkout; a link to a file of the source
-    archive becomes the file's name."""
-    text = _CHECKOUT.sub(lambda _: _FIRST_RUN, text)
-    return _LINK.sub(_words, _PICTURE.sub("", _COMMENT.sub("", text)))
+def urls(repository: str) -> dict[str, str]:
+    """The addresses of the project by what they are; none without one."""
+    if not repository:
+        return {}
+    changes = f"{repository}/blob/main/CHANGELOG.md"
+    return {"Homepage": repository, "Source": repository, "Issues": f"{repository}/issues", "Changelog": changes}
+
+
+def for_index(text: str, repository: str = "", version: str = "") -> str:
+    """A text without comments, its first run one that needs no checkout; links and pictures lead to the files of a
+    version in the repository. Without one a link becomes the file's name, and pictures go."""
+    text = _COMMENT.sub("", _CHECKOUT.sub(lambda _: _FIRST_RUN, text))
+    if not repository:
+        return _LINK.sub(_words, _PICTURE.sub("", text))
+
+    def absolute(link: re.Match[str]) -> str:
+        mark, words, file, section = link.groups()
+        if not file:
+            return link[0]
+        return f"{mark}[{words}]({repository}/{'raw' if mark else 'blob'}/v{version}/{file}{section or ''})"
+
+    return re.sub(f"(!?){_LINK.pattern}", absolute, text)
 
 
 def _words(link: re.Match[str]) -> str:

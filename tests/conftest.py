@@ -1,20 +1,25 @@
 """What all tests have in common."""
 
 import gc
+import logging
 import os
 import signal
 import time
 from pathlib import Path
 from typing import Any
 
+import platformdirs
 import pytest
 from hypothesis import settings
 
 # The tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that they
 # need. What a scene alone would get is tested in tests/kernels/test_variants.py. In the user's cache they would serve
-# in place of what his buildings would get, so they are kept here.
+# in place of what his buildings would get, so they are kept beside it: by hashes of their sources, for all clones.
 os.environ.setdefault("TDINT_KERNELS", "whole")
-os.environ.setdefault("TDINT_CACHE_DIR", str(Path(__file__).parents[1] / ".kernels"))
+os.environ.setdefault("TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False)))
+
+# A run is compiled before it, whatever has been compiled.
+os.environ.setdefault("TDINT_COMPILE", "wait")
 
 # Where each process has a processor, threads of linear algebra wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -75,32 +80,38 @@ def pytest_collection_finish() -> None:
 
 
 _FEW_FILES = 3
-_OF_WORDS = {"cli", "documentation", "faults", "fuzz"}  # folders whose tests look at all that a command says
 
 
 def _few(config: pytest.Config) -> bool:
-    """Whether so few files are named that what they need is compiled sooner when they need it than all loops."""
-    files = {Path(str(one).partition("::")[0]).resolve() for one in config.args}
-    in_one_process = not config.getoption("numprocesses", None)
-    quiet = all(file.is_file() and _OF_WORDS.isdisjoint(file.parts[-3:-1]) for file in files)
-    return in_one_process and quiet and len(files) <= _FEW_FILES
+    """Whether of so few files tests are named that what they need is compiled sooner than all loops."""
+    files = {Path(str(argument).partition("::")[0]) for argument in config.args}
+    return not config.getoption("numprocesses", None) and len(files) <= _FEW_FILES and all(map(Path.is_file, files))
+
+
+def _of_something_else(record: logging.LogRecord) -> bool:
+    """What commands say while their loops are compiled is not what tests ask for."""
+    return not record.getMessage().startswith(("compiling ", "waiting for another tdint"))
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels before the first test: side by side, and none of them in two processes or within a test."""
     config = session.config
     written_ones = os.environ["TDINT_KERNELS"] == "python"
-    if written_ones or config.option.collectonly or hasattr(config, "workerinput") or _few(config):
+    if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
+        return
+    if _few(config):
+        if not any("kernels" in str(argument) for argument in config.args):
+            logging.getLogger("tdint").addFilter(_of_something_else)
         return
     from tdint.analysis.run.prepared import of_everything
     from tdint.kernels.building.obtaining import compile_ahead, shown
 
-    wanted = of_everything()
-    missing = sum(not file for _, _, file, _ in shown(wanted))
+    # What came in a wheel serves, too.
+    missing = [pair for pair in of_everything() if not shown([pair])[0][2]]
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:
-        terminal.write(f"compiling {missing} time loops for all tests, once: ", flush=True)
+        terminal.write(f"compiling {len(missing)} time loops for all tests, once: ", flush=True)
     began = time.perf_counter()
-    compile_ahead(wanted, ["native"], None, lambda done: None)
+    compile_ahead(missing, ["native"], None, lambda done: None)
     if terminal:
         terminal.write_line(f"{time.perf_counter() - began:.0f} s")

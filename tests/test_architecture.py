@@ -203,7 +203,7 @@ BUDGET = {
     "methods": (12, 1750),
     "model": (21, 3600),
     "ground_motion": (34, 4250),
-    "kernels": (54, 6850),
+    "kernels": (54, 6900),
     "ground": (12, 1600),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

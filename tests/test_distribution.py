@@ -1,6 +1,7 @@
 """What a user installs: metadata, source archive, the package as a command."""
 
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -31,7 +32,8 @@ def test_the_description_leads_nowhere_that_an_index_has_not():
     assert "<!--" not in description
 
 
-def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
+def index_readme(monkeypatch):
+    """The module that makes what an index shows."""
     file = ROOT / ".github" / "index_readme.py"
     interface = types.ModuleType("hatchling.metadata.plugin.interface")
     interface.MetadataHookInterface = object  # of the builder, which tests need not have
@@ -41,7 +43,11 @@ def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
     spec = importlib.util.spec_from_file_location("index_readme", file)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    text = module.for_index((ROOT / "README.md").read_text(encoding="utf-8"))
+    return module
+
+
+def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
+    text = index_readme(monkeypatch).for_index((ROOT / "README.md").read_text(encoding="utf-8"))
     begin = text[: text.index("\n## ")]
     assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == ["pip install", "tdint init", "tdint run"]
     assert "checkout" not in begin
@@ -93,12 +99,45 @@ def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
+    for name in module.TELLING:
+        (tmp_path / name).write_text(f"Write to <!-- contact -->{module.contact(project)}<!-- end -->.")
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(module, "CODEMETA", tmp_path / "codemeta.json")
     monkeypatch.setattr(module, "README", tmp_path / "README.md")
     monkeypatch.setattr(module, "read", lambda: (citation, project))
     assert module.faults("v1.2.3", "2026-12-31") == []
     assert "  year    = {2026}," in module.bibtex(citation, project)
+
+
+def test_persons_and_an_address_go_where_they_are_told():
+    module = release()
+    citation, project = module.read()
+    person = {"family-names": "Beck", "given-names": "Ada", "name-particle": "van", "orcid": "https://orcid.org/0"}
+    citation["authors"] = [person, {"name": "The others"}]
+    project["tool"]["tdint"] = {"contact": "", "repository": "https://example.org/a/tdint"}
+    assert "  author  = {van Beck, Ada and {The others}}," in module.bibtex(citation, project)
+    told = json.loads(module.codemeta(citation, project))
+    assert told["author"][0] == {
+        "type": "Person",
+        "id": "https://orcid.org/0",
+        "givenName": "Ada",
+        "familyName": "Beck",
+    }
+    assert told["codeRepository"] == "https://example.org/a/tdint"
+    assert module.contact(project) == "https://example.org/a/tdint/security/advisories/new"
+    project["tool"]["tdint"]["contact"] = "ada@example.org"
+    assert module.contact(project) == "ada@example.org"
+
+
+def test_links_of_an_index_lead_to_the_files_of_the_version(monkeypatch):
+    module = index_readme(monkeypatch)
+    place = "https://example.org/a/tdint"
+    text = "See [this](cli/README.md#run), [that](https://x.org), [here](#x) and ![a picture](configs/a.png)."
+    assert module.for_index(text, place, "1.2.3") == (
+        f"See [this]({place}/blob/v1.2.3/cli/README.md#run), [that](https://x.org), [here](#x) and "
+        f"![a picture]({place}/raw/v1.2.3/configs/a.png)."
+    )
+    assert module.urls("") == {} and set(module.urls(place)) == {"Homepage", "Source", "Issues", "Changelog"}
 
 
 def test_the_licenses_are_told_apart():
@@ -119,7 +158,7 @@ def test_a_workflow_runs_what_it_was_checked_with(file):
         if "uses" not in job:
             assert job["timeout-minutes"] <= 120
             assert set(job.get("permissions", {"id-token": "write"})) - {"pages"} == {"id-token"}
-    used = re.findall(r"uses: (?!\./)(\S+)", text)
+    used = re.findall(r"uses: (?!\$/)(\S+)", text)
     assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", one)] == []
 
 

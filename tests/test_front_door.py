@@ -90,9 +90,9 @@ def methods() -> None:
     tdint.stability(method="hht", dt_over_t=np.array([0.1])), tdint.overshoot(method="hht"), tdint.order(method="hht")
     for trial in tdint.failures("hht", ["large-step"]):
         print(trial)
-    tdint.paper_examples([1], ["wilson"], dts=[0.02]).to_dict()
-    tdint.chart(content, "a.mseed", methods=["impulse4"]).plot()
-    tdint.chart_many([content], ["a.mseed"], methods=["impulse4"], repeats=1).plot()
+    tdint.paper_examples([1], ["wilson"], dt=0.02).to_dict()
+    tdint.chart(content, "a.mseed", method=["impulse4"]).plot()
+    tdint.chart_many([content], ["a.mseed"], method=["impulse4"], repeats=1).plot()
     for result in tdint.validate():
         print(result)
     found, laws = tdint.load_plugin(Path("mine.py"))

@@ -29,7 +29,7 @@ def record():
     ("name", "given", "parameter"),
     [
         ("stability", {"dt_over_t": 0.1}, "method"),
-        ("stability", {"method": ["bathe"], "dt_over_t": np.array([0.1])}, "method"),
+        ("stability", {"method": {"bathe"}, "dt_over_t": np.array([0.1])}, "method"),
         ("stability", {"method": "bathe", "dt_over_t": 0.1}, "dt_over_t"),
         ("stability", {"method": "bathe", "dt_over_t": np.ones((2, 2))}, "dt_over_t"),
         ("scale", {"motions": 0.1}, "motions"),

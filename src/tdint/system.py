@@ -21,6 +21,9 @@ from typing import Any, BinaryIO, TypeVar
 _SIGNAL_AT_PARENTS_DEATH = 1
 """PR_SET_PDEATHSIG of Linux's prctl."""
 
+_LOW = 10
+"""How far below others, of 19: on a busy machine a tenth of a processor is left for it."""
+
 _MOUNTS = Path("/proc/self/mountinfo")
 _REMOTE_DRIVE = 4
 """DRIVE_REMOTE of Windows' GetDriveTypeW."""
@@ -313,6 +316,24 @@ def end_with(parent: int) -> None:
             ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
         if os.getppid() != parent:  # It ended before that was asked for.
             os._exit(1)
+
+
+def start_apart(arguments: list[str], folder: Path) -> None:
+    """Start a program of low priority in a folder that goes on when this process ends, and says nothing.
+
+    Raises OSError where it cannot be started."""
+    import subprocess
+
+    path = os.pathsep.join(filter(None, sys.path))
+    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    if sys.platform == "win32":
+        silent["creationflags"] = subprocess.BELOW_NORMAL_PRIORITY_CLASS | subprocess.DETACHED_PROCESS
+    process = subprocess.Popen(
+        arguments, cwd=folder, env={**os.environ, "PYTHONPATH": path}, start_new_session=True, **silent
+    )
+    with suppress(OSError, AttributeError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, _LOW)
+    process.returncode = 0  # nobody waits for it
 
 
 # ---- Locks

@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
+import logging
 import numbers
 import os
 import reprlib
@@ -17,7 +18,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, ParamSpec, TypeVar, overload
 
 from tdint.errors import TdintError, UsageError
 
@@ -26,8 +27,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+P = ParamSpec("P")
+Result = TypeVar("Result")
+
 _OF_ARGUMENTS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
 """What Python and numpy raise of an argument that is of another kind than it must be."""
+
+
+_RENAMED = {"methods": "method", "dts": "dt"}
+"""What arguments were called in 0.1, taken for one release more."""
 
 
 class WrongCall(UsageError, TypeError):
@@ -44,6 +52,10 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
 
     @functools.wraps(function)
     def asked(*given: Any, **named: Any) -> Any:
+        for before, now in _RENAMED.items():
+            if before in named and before not in (known := inspect.signature(function).parameters) and now in known:
+                warnings.warn(f"{name}: {before} is {now} now", DeprecationWarning, stacklevel=2)
+                named[now] = named.pop(before)
         try:
             return function(*given, **named)
         except TdintError:
@@ -159,7 +171,7 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
     Raises
     ------
     UsageError
-        A bar is asked for, and tqdm is not installed; what is neither.
+        What is neither. Without tqdm there is no bar, and a warning says so.
     """
     if callable(asked):
         yield asked
@@ -171,7 +183,12 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
         return
     with warnings.catch_warnings():  # a notebook without ipywidgets has a bar of letters, which is none of its faults
         warnings.simplefilter("ignore")
-        tqdm = optional("tqdm.auto", "progress=True")
+        try:
+            tqdm = optional("tqdm.auto", "progress=True")
+        except UsageError as error:
+            logging.getLogger("tdint").warning("%s; it runs without a bar", error)
+            yield lambda done, of: None
+            return
     # A bar that is not told otherwise draws itself on terminals alone; a notebook is none.
     with tqdm.tqdm(total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None) as bar:
 
@@ -319,6 +336,22 @@ class Several(Tabular, Generic[Member]):
 
     def _headline(self) -> str:
         return f"{len(self.members)} of {type(self.members[0]).__name__}" if self.members else "none"
+
+
+def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
+    """A function whose first argument may be a list or a tuple, too: then it gives a `Several` of what it gives for
+    each, which a checker of types takes for one."""
+    first = next(iter(inspect.signature(function).parameters))
+
+    @functools.wraps(function)
+    def one_or_each(*given: P.args, **named: P.kwargs) -> Any:
+        of, rest = (given[0], given[1:]) if given else (named.get(first), ())
+        if not isinstance(of, list | tuple | Several):
+            return function(*given, **named)
+        named.pop(first, None)
+        return Several(function(one, *rest, **named) for one in of)  # type: ignore[arg-type]
+
+    return one_or_each
 
 
 class FunctionPackage(ModuleType):

@@ -101,7 +101,7 @@ def test_the_examples_and_the_chart(study, tdint):
     examples = package.to_dict(package.paper_examples([1], ["newmark-linear", "wilson"]))
     same(examples, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
     methods = ["impulse4", "newmark-average"]
-    chart = package.chart("shaken.yaml", motion(), methods=methods, dts=[0.01], repeats=1).to_dict()
+    chart = package.chart("shaken.yaml", motion(), method=methods, dt=[0.01], repeats=1).to_dict()
     words = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
     table = rows(tdint("chart", "shaken.yaml", *MOTION, *words).stdout)
     assert [row["method"] for row in table] == chart["method"]

@@ -113,8 +113,10 @@ def command(request: Request) -> None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.given import model_record
+    from tdint.analysis.given import model_record, number_of
+    from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.outcome import FailedRun
+    from tdint.analysis.run.prepared import begin_at_once
     from tdint.analysis.run.run import prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summary import model_input
@@ -140,8 +142,15 @@ def _run(request: Request) -> None:
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
-    if request.history and not (shocks or request.tolerance or request.until_rest):
-        _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
+    if not (shocks or request.tolerance or request.until_rest):
+        dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
+        steps = case.steps(dt, duration).count
+        if request.history:
+            _check_room(request, len(model.stories), steps)
+        methods, count = [case.method], steps
+        if request.check is not False:  # a second run, of half the step
+            methods, count = [case.method, reference(case).method], 3 * steps
+        begin_at_once(case.prepared, methods, count)
     try:
         response = _respond(case, shocks, request)
         record = response.record

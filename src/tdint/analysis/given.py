@@ -134,6 +134,15 @@ def number_of(given: Any, name: str) -> float | None:
     return number
 
 
+def between(given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False) -> float:
+    """A finite number from `low` (with `above`, larger than it) to `high`. UsageError as `number_of`."""
+    number = number_of(given, name)
+    if number is None or not low <= number <= high or math.isinf(number) or (above and number == low):
+        most = f" to {high:g}" if math.isfinite(high) else ""
+        raise UsageError(f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got {given!r:.60}")
+    return number
+
+
 def ratio_of(given: Any, name: str) -> float | None:
     """A number or a text such as `0.1%`, or nothing. UsageError as `number_of`."""
     return parse_ratio(given) if isinstance(given, str) else number_of(given, name)
@@ -142,7 +151,8 @@ def ratio_of(given: Any, name: str) -> float | None:
 def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
     """Numbers as an array of one axis. UsageError as `number_of`."""
     try:
-        numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
+        masked = np.ma.getmaskarray(given).any()  # what is masked stands for no number
+        numbers = np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(given, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
     if numbers.ndim != 1:

@@ -166,8 +166,10 @@ def refuse_network(folder: Path) -> None:
     Raises
     ------
     OutputError
-        The folder lies on one.
+        The folder lies on one, or can be none.
     """
+    if "\0" in str(folder):
+        raise OutputError(f"{folder!s:.40}: a file name has no null character")
     kind = file_system(folder)
     if kind in _NETWORK:
         raise OutputError(

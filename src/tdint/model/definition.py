@@ -417,7 +417,7 @@ class Model:
             check_parameter(name)
             try:
                 numbers[name] = parse_ratio(given) if isinstance(given, str) else float(given)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
         return self.changed(numbers)
 

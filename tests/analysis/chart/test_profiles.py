@@ -183,7 +183,7 @@ def test_errors_are_those_of_runs_beside_fine_steps():
 def test_many_from_python():
     """One building under two motions: columns, a line, ratios from 1."""
     records = [noise(samples=97), noise(samples=97, seed=8)]
-    chart = chart_many(ten_linear(), records, methods=("newmark-average", "impulse4", "exact"))
+    chart = chart_many(ten_linear(), records, method=("newmark-average", "impulse4", "exact"))
     assert repr(chart) == "<FieldChart of 3 methods, 2 problems>"
     table = to_dict(chart)
     assert len(table["method"]) == len(PEAKS) * len(TOLERANCES) * 3

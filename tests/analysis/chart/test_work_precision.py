@@ -408,7 +408,7 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
     """Against the runs themselves and a reference of their own: error of the peak drifts, times, nothing else known."""
     building, record = ten_bilinear(), noise(samples=101)
     charted = chart(
-        building, record, methods="impulse4", dts=[record.dt], repeats=2, tolerances=["0.1%", 0.02], cached=False
+        building, record, method="impulse4", dt=record.dt, repeats=2, tolerances=["0.1%", 0.02], cached=False
     )
     lines = [point for point in charted.points if math.isnan(point.dt)]
     assert [(point.line, point.method.rpartition(" ")[2]) for point in lines] == [
@@ -430,7 +430,7 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
 
 def test_a_tolerance_that_no_step_meets_leaves_an_outcome():
     charted = chart(
-        ten_linear(), noise(samples=51), methods="exact", repeats=1, tolerances=[1e-300], cached=False, dts=[0.01]
+        ten_linear(), noise(samples=51), method="exact", repeats=1, tolerances=[1e-300], cached=False, dt=[0.01]
     )
     outcomes = {point.line: (point.outcome, point.errors) for point in charted.points if math.isnan(point.dt)}
     assert outcomes == {f"{method} by tolerance": ("not-within-tolerance", None) for method in CHOOSING}

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
+from tdint.analysis.given import between
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
 from tdint.analysis.static import cyclic_test
@@ -31,7 +32,7 @@ from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 
 LOADS = ("free", "harmonic", "record")
 
@@ -128,6 +129,7 @@ class OrderProblem:
         return self.prepared.building
 
 
+@each_of
 def order(
     method: Integrator | str,
     *,
@@ -141,7 +143,7 @@ def order(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification.
+        The method, or its specification; of a list or tuple there are `Several` results.
     load, law, frequency_ratio, stride
         The oscillator and its load, as `order_problem` has them.
 
@@ -182,16 +184,17 @@ def order_problem(
     Raises
     ------
     UsageError
-        An unknown load or law, a stride that is none or without a record.
+        An unknown load or law, a frequency ratio out of range, a stride that is none or without a record.
     """
-    if stride < 1 or stride & (stride - 1):
+    if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(f"the stride is a power of 2, so that halved steps are whole samples, got {stride}")
     if stride > 1 and load != "record":
         raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
     if load not in LOADS or law not in STORY_LAWS:
         names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
-    ratio = frequency_ratio if load == "harmonic" else math.nan
+    # With 10 there are five coarsest steps to a period of the load.
+    ratio = between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
     building = assemble(simple_model("oscillator", [story]))

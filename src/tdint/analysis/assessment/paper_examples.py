@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 
+from tdint.analysis.given import numbers_of
 from tdint.analysis.run.outcome import DIVERGED, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
@@ -329,7 +330,7 @@ def default_integrators() -> list[Integrator]:
 
 
 def paper_examples(
-    numbers: Sequence[int] = (1, 2, 3), methods: str | Iterable[str] | None = None, dts: Sequence[float] = (DT,)
+    numbers: Sequence[int] = (1, 2, 3), method: str | Iterable[str] | None = None, dt: float | Sequence[float] = DT
 ) -> Several[ExampleRun]:
     """The examples of the paper of 2022, run.
 
@@ -337,9 +338,9 @@ def paper_examples(
     ----------
     numbers : sequence of int
         Which: 1, 2, 3.
-    methods : str or iterable of str, optional
+    method : str or iterable of str, optional
         Specifications; by default the paper's methods.
-    dts : sequence of float
+    dt : float or sequence of float
         Steps, s; by default the paper's.
 
     Returns
@@ -355,7 +356,6 @@ def paper_examples(
     by_number = examples()
     if unknown := [number for number in numbers if number not in by_number]:
         raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}")
-    integrators = default_integrators() if methods is None else chosen(methods)
-    return Several(
-        [run for of_paper in numbers for dt in dts for run in run_example(by_number[of_paper], dt, integrators)]
-    )
+    integrators = default_integrators() if method is None else chosen(method)
+    steps = numbers_of(dt, "dt").tolist()
+    return Several([run for one in numbers for h in steps for run in run_example(by_number[one], h, integrators)])

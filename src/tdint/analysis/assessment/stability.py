@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array, halved
@@ -18,9 +19,10 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, oscillators
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 from tdint.written_numbers import how_many
 
+_MOST_STEPS = 1e6  # of an overshoot: it is seen in the first ten
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
 _REAL = 1e-9  # imaginary part of a root that is real but for rounding
 _APART = 1.08  # ratio of neighboring steps at which roots are not mistaken for each other
@@ -72,13 +74,14 @@ class StabilityCurve(Tabular):
         return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
 
 
+@each_of
 def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
     """Measure how a method follows an oscillator that vibrates freely, from its amplification matrix.
 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification.
+        The method, or its specification; of a list or tuple there are `Several` results.
     dt_over_t : ndarray, shape (k,)
         Steps over the undamped period, rising.
     damping : float
@@ -97,7 +100,10 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
         A step of the oscillator fails.
     """
     method = _checked(method, damping)
-    dt_over_t = np.asarray(dt_over_t, dtype=np.float64)
+    dt_over_t = numbers_of(dt_over_t, "dt_over_t")
+    rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
+    if not (rises and np.isfinite(dt_over_t).all()):
+        raise UsageError("dt_over_t must be positive numbers that rise")
     # Roots are followed from a small step on, with steps in between where those that are asked for lie far apart.
     ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
     counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
@@ -131,8 +137,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
 
 def _checked(method: Integrator | str, damping: float) -> Integrator:
     """The method; UsageError for an unknown one, and for a damping ratio that is none."""
-    if not 0.0 <= damping < math.inf:
-        raise UsageError(f"a damping ratio is a number from 0 on, got {damping!r:.60}")
+    between(damping, "a damping ratio")
     return parse(method) if isinstance(method, str) else method
 
 
@@ -266,6 +271,7 @@ class Overshoot(Tabular):
         return {name for (name, power), bound in zip(powers.items(), bounds, strict=True) if power > bound + _LARGER}
 
 
+@each_of
 def overshoot(
     method: Integrator | str,
     start: str = "displacement",
@@ -282,7 +288,7 @@ def overshoot(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its name.
+        The method, or its name; of a list or tuple there are `Several` results.
     start : str
         A key of `STARTS`.
     dt_over_t : float
@@ -310,6 +316,7 @@ def overshoot(
         raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:
         raise UsageError(f"the law of an oscillator is one of {', '.join(LAWS)}, got {law!r:.60}")
+    dt_over_t, steps = between(dt_over_t, "dt_over_t", above=True), int(between(steps, "steps", 1.0, _MOST_STEPS))
     if law != "linear":
         return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t

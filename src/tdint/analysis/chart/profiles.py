@@ -375,7 +375,7 @@ def chart_many(
     records: AnyRecord | Sequence[AnyRecord] = (),
     *,
     problems: str | Path | None = None,
-    methods: str | Iterable[str] = METHODS,
+    method: str | Iterable[str] = METHODS,
     repeats: int = _REPEATS,
     peers: bool = False,
     progress: Progress = silent,
@@ -389,7 +389,7 @@ def chart_many(
         its model.
     problems : str or Path, optional
         In their place `standard` (twelve buildings, three records each), or a YAML file of problems.
-    methods : str or iterable of str
+    method : str or iterable of str
         Specifications; those for linear buildings are given these only.
     repeats : int
         How often a step is timed that may be the cheapest for a tolerance.
@@ -418,7 +418,7 @@ def chart_many(
         given = crossed(models, records)
     else:
         raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
-    return measure_all(given, chosen(methods), repeats=repeats, peers=peers, progress=progress)
+    return measure_all(given, chosen(method), repeats=repeats, peers=peers, progress=progress)
 
 
 def measure_all(

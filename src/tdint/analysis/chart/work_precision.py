@@ -23,7 +23,7 @@ from tdint.analysis.chart.problem import (
     pose,
     reached,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, ratio_of, record_of
+from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
@@ -367,8 +367,8 @@ def chart(
     model: AnyModel,
     record: AnyRecord | None = None,
     *,
-    methods: str | Iterable[str] = DEFAULT_METHODS,
-    dts: Sequence[float] = (),
+    method: str | Iterable[str] = DEFAULT_METHODS,
+    dt: float | Sequence[float] = (),
     duration: float | None = None,
     repeats: int = 5,
     tolerances: Sequence[float | str] = (),
@@ -381,9 +381,9 @@ def chart(
     ----------
     model, record : optional
         What `run` takes.
-    methods : str or iterable of str
+    method : str or iterable of str
         Specifications; those for linear buildings are left out of a nonlinear one.
-    dts : sequence of float
+    dt : float or sequence of float
         Steps, s; by default from eight sampling intervals down (`default_steps`).
     duration : float, optional
         In place of the model's, else the record's, s.
@@ -408,9 +408,10 @@ def chart(
     AnalysisError
         Nothing moves the building; the reference cannot be had.
     """
-    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=tuple(dts))
-    integrators = suited(problem, chosen(methods))
-    steps = tuple(dts) or default_steps(problem, len(integrators), repeats)
+    dts = tuple(numbers_of(dt, "dt").tolist())
+    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=dts)
+    integrators = suited(problem, chosen(method))
+    steps = dts or default_steps(problem, len(integrators), repeats)
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
     with told_progress(progress, 100, "%") as told:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from tdint import system
 from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.run.workspace import (
     HALVINGS,
+    LINEAR_OSCILLATORS,
     Instability,
     Steps,
     Workspace,
@@ -33,7 +34,7 @@ from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import EVERYTHING, Variant
-from tdint.kernels.building.obtaining import compile_ahead, obtain
+from tdint.kernels.building.obtaining import begin_as_written, compile_ahead, obtain
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
@@ -572,14 +573,36 @@ class PreparedBuilding:
 
 def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
     """What a run of a model calls with all its tables, and a cyclic test of its stories."""
-    prepared = PreparedBuilding.of(model)
-    apart = kernels_apart(prepared.building.law_parameters)
-    others = (peaks, *apart)
-    return [
-        *kernels(integrator, prepared.variant),
-        (follow, prepared.variant),
-        *((kernel, EVERYTHING) for kernel in others),
-    ]
+    return [item for group in _of_building(PreparedBuilding.of(model), integrator) for item in group]
+
+
+def _of_building(prepared: PreparedBuilding, integrator: Integrator) -> tuple[list[tuple[Kernel, Variant]], ...]:
+    """What a march calls, and what else a run does."""
+    others = (peaks, *kernels_apart(prepared.building.law_parameters))
+    of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
+    # Of a method that has a limit, what finds whether a step is beyond it
+    if integrator.stability_limit != math.inf:
+        of_scene.append((integrator.family.step, LINEAR_OSCILLATORS))
+    return kernels(integrator, prepared.variant), of_scene
+
+
+_SHORT = 180_000
+"""Steps times floors, the ground among them, of a run that is sooner done as its loops are written than these are
+compiled, which takes 7 to 24 s: 5 s with impulse4 (26 to 28 us each), 10 with the slowest method (rk5, 55 us)."""
+
+
+def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
+    """Whether a run of so many steps in all, with a method and the one that tells its errors, goes as its loops are
+    written, since nobody has compiled them yet; they are compiled beside it
+    (`tdint.kernels.building.obtaining.begin_as_written`).
+
+    Never with power-law dashpots, whose iterations take fifteen times as long.
+    """
+    building = prepared.building
+    if steps * (building.stories + 1) > _SHORT or building.power_damped or unsuited(methods[0], building):
+        return False
+    called, others = zip(*(_of_building(prepared, method) for method in methods), strict=True)
+    return begin_as_written(*(list(dict.fromkeys(chain(*groups))) for groups in (called, others)))
 
 
 def of_everything() -> list[tuple[Kernel, Variant]]:

@@ -14,6 +14,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.tabular import Several
 
 
 def run(
@@ -41,6 +42,7 @@ def run(
     method, dt, duration : optional
         In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s. Without either the
         method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step and duration those of the record.
+        Of lists of methods or steps there are `Several` responses, each method with each step.
     history : bool
         Keep the whole response, not the peaks alone.
     allow_unstable : bool
@@ -77,6 +79,12 @@ def run(
         The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
         (`FailedRun`).
     """
+    if isinstance(method, list | tuple) or isinstance(dt, list | tuple):
+        # As other functions of methods and steps one or several: each method with each step.
+        options = locals()
+        every = [options.pop(name) for name in ("method", "dt")]
+        methods, steps = (one if isinstance(one, list | tuple) else (one,) for one in every)
+        return Several(run(**options, method=name, dt=h) for name in methods for h in steps)
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     response = run_case(

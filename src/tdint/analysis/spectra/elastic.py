@@ -20,7 +20,7 @@ from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import elastic as spectra
 from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
 from tdint.methods.exact import oscillator
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, each_of
 from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
@@ -214,6 +214,7 @@ class SpectrumSettings:
     interpolation: Interpolation
 
 
+@each_of
 def spectrum(
     record: AnyRecord,
     periods: Array,
@@ -228,8 +229,8 @@ def spectrum(
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        Ground motion; the oscillators are at rest at its first sample and watched until its last one. For what they do
-        after it, append zeros to it.
+        Ground motion, or a list of them, of which there are `Several` spectra; the oscillators are at rest at its first
+        sample and watched until its last one. For what they do after it, append zeros to it.
     periods : ndarray, shape (k,)
         Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration and all else is 0.
     damping : float

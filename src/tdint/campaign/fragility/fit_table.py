@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import numbers_of
+from tdint.analysis.given import between, numbers_of
 from tdint.arrays import Array
 from tdint.campaign.fragility.fits import (
     CLOUD,
@@ -154,6 +154,7 @@ def fragility(
         None of the functions can be fitted.
     """
     asked = tuple(numbers_of(thresholds, "thresholds").tolist())
+    beta_model = between(beta_model, "beta_model")
     result = fit_table(str(source), FragilityRequest(fit, asked, edp_range, beta_model, measure))
     if not result.functions:
         raise result.failures[0]

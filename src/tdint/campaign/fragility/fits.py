@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
+from tdint.analysis.given import between
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
@@ -574,6 +575,7 @@ def fit_cloud(
         raise UsageError("a cloud needs as many demands as intensities")
     for values, name in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
         _check_positive(values, name)
+    lightest = between(lightest, "lightest")
     below = ~above & (y < lightest)
     # Those known to be below help a line that others tell: three known exactly, of more than one intensity.
     exact = ~(above | below)

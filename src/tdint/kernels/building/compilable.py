@@ -138,3 +138,4 @@ class Compilable:
     def take(self, variant: Variant, function: Callable[..., Any]) -> None:
         """Take a compiled function for a variant."""
         self._loaded[self.needs(variant)] = function
+        self._last = EVERYTHING, None

@@ -3,8 +3,12 @@ other processors, a folder that many read."""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+import json
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -14,9 +18,9 @@ from zlib import crc32
 
 import numpy as np
 
-from tdint.errors import OutputError, UsageError
-from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant
-from tdint.system import locked, processors
+from tdint.errors import AnalysisError, OutputError, UsageError
+from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant, parse
+from tdint.system import lock, locked, processors, start_apart
 
 if TYPE_CHECKING:
     from tdint.kernels.building.target import Target
@@ -105,6 +109,9 @@ def _compile(
     from tdint.kernels.building.process import compilations, run_all
     from tdint.kernels.building.target import NATIVE
 
+    if os.environ.get("TDINT_COMPILE") == "never":
+        names = ", ".join(dict.fromkeys(map(_shown, absent)))
+        raise AnalysisError(f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does it")
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(absent)
     loops = "loop" if count == 1 else "loops"
@@ -152,6 +159,105 @@ def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
     def call(*arguments: Any) -> Any:
         with np.errstate(all="ignore"):
             return function(*arguments)
+
+    return call
+
+
+# ---- A first run at once
+
+_JOBS = ("CI", "SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID")
+"""What the environment of a job tells: of continuous integration, of clusters."""
+
+_BESIDE = ".lock-beside"
+_COMPILE = "from tdint.kernels.building.obtaining import compile_named; compile_named()"
+
+
+def begin_as_written(
+    called: Sequence[tuple[Compilable, Variant]], others: Sequence[tuple[Compilable, Variant]]
+) -> bool:
+    """Take kernels as they are written for a short run where no store has all that its march calls; a process of low
+    priority, which outlives this one, compiles them for the next run.
+
+    Not where TDINT_KERNELS or TDINT_COMPILE=wait say otherwise, in jobs of clusters and of continuous integration,
+    whose results are compared, nor for kernels of plug-ins. TDINT_COMPILE=never starts no process.
+
+    Parameters
+    ----------
+    called, others : sequence of (Compilable, Variant)
+        What the march calls, all of it taken one way; what else a run may ask for, each by itself.
+
+    Returns
+    -------
+    bool
+        Whether they were taken.
+    """
+    from tdint.kernels.building import store
+
+    how = os.environ.get("TDINT_COMPILE", "")
+    if how not in ("", "wait", "never"):
+        raise UsageError(f"TDINT_COMPILE={how}: it is wait, never, or not set")
+    outside = any(variant.outside or not kernel.name.startswith("tdint.") for kernel, variant in called)
+    if how == "wait" or outside or any(map(os.environ.get, ("TDINT_KERNELS", *_JOBS))):
+        return False
+    # What nobody can compile is told by who is asked to.
+    if importlib.util.find_spec("numba") is None:
+        return False
+    with _ONE_AT_A_TIME:
+        pairs = [[(kernel, kernel.needs(variant)) for kernel, variant in group] for group in (called, others)]
+        if not _not_found(pairs[0]):
+            return False
+        for kernel, variant in [*pairs[0], *_not_found(pairs[1])]:
+            kernel.take(variant, as_views(kernel.function))
+    folder = store.writable() if how != "never" else None
+    LOG.info(
+        "no compiled time loops for this run yet: it goes as they are written%s",
+        ", and they are compiled beside it for the next ones (TDINT_COMPILE=wait compiles first)" if folder else "",
+    )
+    if folder:
+        # What a march calls comes last: where it is there, so is the rest.
+        names = [[(kernel.name, variant.text) for kernel, variant in group] for group in reversed(pairs)]
+        with suppress(OSError), (folder / _BESIDE).open("a") as stream:
+            # One at a time: several models one after the other would fill the memory with compilers.
+            if lock(stream.fileno()):
+                start_apart([sys.executable, "-P", "-c", _COMPILE, json.dumps(names)], folder)
+    return True
+
+
+def compile_named() -> None:
+    """Compile groups of kernels, which JSON in the first argument names, unless another process is at that: the program
+    that `begin_as_written` starts."""
+    from tdint.kernels.building import store
+
+    folder = store.writable()
+    if folder is None:
+        return
+    with (folder / _BESIDE).open("a") as stream:
+        if lock(stream.fileno()):
+            for group in json.loads(sys.argv[1]):
+                names = ((*name.split(":"), parse(text)) for name, text in group)
+                obtain([(getattr(importlib.import_module(module), name), variant) for module, name, variant in names])
+
+
+def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel as it is written, in two thirds of the time: on views, whose numbers are Python's own.
+
+    What those refuse and arrays do not, to divide by zero, is done again on arrays as they were before.
+    """
+    plain = _plain(function)
+
+    def call(*arguments: Any) -> Any:
+        arrays = [argument for argument in arguments if isinstance(argument, np.ndarray)]
+        if not arrays:  # called by a kernel that has views
+            return function(*arguments)
+        before = [array.copy() for array in arrays]
+        try:
+            views = [one.data if isinstance(one, np.ndarray) else one for one in arguments]
+            return function(*views)
+        except (ArithmeticError, TypeError, ValueError, NotImplementedError, AttributeError):
+            for array, values in zip(arrays, before, strict=True):
+                if array.flags.writeable:
+                    array[...] = values
+            return plain(*arguments)
 
     return call
 

@@ -7,7 +7,7 @@ from tdint.kernels.compiling import called, inlined
 
 @inlined
 def _sample(ground, position):
-    return ground[position] if position < ground.size else 0.0
+    return ground[position] if position < ground.shape[0] else 0.0
 
 
 @inlined

@@ -263,7 +263,7 @@ def shift_ground(scene, load, shifts, memory, seen):
     shift = memory.report[at.CARRIED_GROUND] - ground
     memory.report[at.CARRIED_GROUND] = ground
     n = linear_terms.shape[1] - 1
-    for row in range(shifts.size):
+    for row in range(shifts.shape[0]):
         if shifts[row] != 0.0:
             for i in range(n):
                 state[row, i] += shifts[row] * shift

@@ -1,0 +1,51 @@
+"""Functions of methods, steps and records take one or several, by the same names; older names are warned of."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import tdint
+
+MODEL = {"stories": [{"mass": 1e5, "height": 3.0, "stiffness": 1e7}], "damping": "5%"}
+RECORD = tdint.make_record(np.sin(0.3 * np.arange(50)), dt=0.02, units="m/s^2", name="wave")
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda method: tdint.stability(method, np.array([0.1])),
+        lambda method: tdint.overshoot(method=method),
+        tdint.order,
+        lambda method: tdint.run(MODEL, RECORD, method=method, check=False),
+    ],
+)
+def test_several_methods_give_what_each_does(call):
+    several = call(["impulse4", "hht:alpha=-0.1"])
+    assert [one.method.partition(":")[0] for one in several] == ["impulse4", "hht"]
+    assert repr(several[1]) == repr(call("hht:alpha=-0.1"))
+    assert len(several) == 2 and several.to_dict()
+
+
+def test_several_steps_and_records():
+    runs = tdint.run(MODEL, RECORD, method=("impulse4", "hht"), dt=[0.02, 0.01], check=False)
+    assert [(run.method[:3], run.dt) for run in runs] == [("imp", 0.02), ("imp", 0.01), ("hht", 0.02), ("hht", 0.01)]
+    spectra = tdint.spectrum([RECORD, RECORD.scaled(2.0)], np.array([0.5, 1.0]))
+    np.testing.assert_allclose(spectra[1].psa, 2.0 * spectra[0].psa)
+    assert len(tdint.spectrum(record=(RECORD,), periods=np.array([0.5]))) == 1
+    assert tdint.spectrum(RECORD, np.array([0.5])).psa.shape == (1,)
+
+
+def test_what_arguments_were_called_is_taken_with_a_warning():
+    with pytest.warns(DeprecationWarning, match="methods is method now"):
+        (run,) = tdint.paper_examples([1], methods=["wilson"])
+    assert run.method.startswith("wilson")
+    with pytest.raises(tdint.TdintError, match="unexpected keyword argument 'methods'"):
+        tdint.modes(MODEL, methods="hht")
+
+
+def test_a_bar_that_cannot_be_drawn_keeps_no_run(monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    runs = tdint.run_many(MODEL, RECORD, progress=True)
+    assert runs.status.tolist() == ["done"]
+    assert "progress=True needs tqdm" in caplog.text and "runs without a bar" in caplog.text
