@@ -79,7 +79,7 @@ class Domain:
     def testIter(self):
         return self.iterations
 
-    def algorithm(self, kind):
+    def algorithm(self, kind, *_):
         self.one_solve = kind == "Linear"
 
     def integrator(self, kind, *numbers):

@@ -196,15 +196,15 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
 
 
 BUDGET = {
-    "cli": (43, 6600),
-    "output": (26, 6500),
+    "cli": (43, 6700),
+    "output": (26, 6550),
     "campaign": (25, 6150),
-    "analysis": (41, 7400),
+    "analysis": (41, 7500),
     "methods": (12, 1750),
     "model": (21, 3600),
     "ground_motion": (34, 4250),
     "kernels": (54, 6900),
-    "ground": (12, 1600),
+    "ground": (12, 1650),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""
 

@@ -95,9 +95,7 @@ def methods() -> None:
     tdint.chart_many([content], ["a.mseed"], method=["impulse4"], repeats=1).plot()
     for result in tdint.validate():
         print(result)
-    found, laws = tdint.load_plugin(Path("mine.py"))
-    tdint.register_method(found[0])
-    tdint.register_law(laws[0])
+    tdint.load_plugin(Path("mine.py"))
     try:
         runs: tdint.Runs = tdint.run_many(model, record)
         runs.stories.peak_drift.max()

@@ -31,6 +31,7 @@ def required(function):
 
 
 CLOUD = (np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 2.1, 2.9, 4.2]), [2.0])
+MASKED = np.ma.array([0.1, 0.2], mask=[True, False])
 STORY = {"stories": [{"mass": 1e3, "stiffness": 1e6}]}
 CALLS = {
     **{
@@ -50,7 +51,7 @@ CALLS = {
     "a cloud lighter than nan": lambda: fit_cloud(*CLOUD, lightest=math.nan),
     "a cloud lighter than a text": lambda: fit_cloud(*CLOUD, lightest="x"),
     **{f"fragility of {b}": lambda b=b: tdint.fragility("x.csv", beta_model=b) for b in ("x", -1, math.nan)},
-    "masked numbers": lambda: tdint.run_many(STORY, None, vary={"damping": np.ma.array([0.1, 0.2], mask=[True, False])}),
+    "masked numbers": lambda: tdint.run_many(STORY, None, vary={"damping": MASKED}),
     "a number beyond floats": lambda: tdint.load_model(STORY).replace(damping=10**400),
     "a folder that can be none": lambda: refuse_network(Path("\0")),
 }

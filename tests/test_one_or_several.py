@@ -40,6 +40,9 @@ def test_what_arguments_were_called_is_taken_with_a_warning():
     with pytest.warns(DeprecationWarning, match="methods is method now"):
         (run,) = tdint.paper_examples([1], methods=["wilson"])
     assert run.method.startswith("wilson")
+    with pytest.warns(DeprecationWarning, match="register_law goes with the next release; load_plugin"):
+        assert callable(tdint.register_law)
+    assert "register_law" not in dir(tdint)
     with pytest.raises(tdint.TdintError, match="unexpected keyword argument 'methods'"):
         tdint.modes(MODEL, methods="hht")
 

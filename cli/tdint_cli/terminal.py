@@ -297,6 +297,8 @@ def _reported(error: BaseException, settings: Settings) -> int:
         elif _lacks_memory(error):
             lines = ["not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"]
             code = OUT_OF_MEMORY
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:  # of what click writes itself
+            lines, code = [f"standard output: cannot be written: {error.strerror}"], OutputError.exit_code
         elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
             lines = [f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"]
             code = UsageError.exit_code

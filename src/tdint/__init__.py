@@ -27,7 +27,7 @@ Each command has a function; what these give shows itself in a line, as a table 
                      constant_strength, floor_spectra of a response), drift_spectrum, fourier_spectrum
     Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities, fit_cloud)
     Methods          methods, stability, overshoot, order, failures, paper_examples, chart (chart_many);
-                     load_plugin, register_method, register_law
+                     load_plugin
     Housekeeping     compile_model, validate
 
 Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`, `Response`, `Runs` are
@@ -39,6 +39,7 @@ costs nothing; matplotlib loads with the first picture.
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
@@ -170,6 +171,9 @@ _BEFORE = {
 }
 """What names of 0.1 are called now."""
 
+_GOING = dict.fromkeys(("register_law", "register_method"), "load_plugin takes what stands in a file")
+"""What nobody was seen to use, and what does its work; not among the names that are listed."""
+
 _HOMES = {name: f"tdint.{module}" for module, names in _NAMES.items() for name in names.split()}
 _HOMES |= {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
 
@@ -179,6 +183,8 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
+        if name in _GOING:
+            warnings.warn(f"tdint.{name} goes with the next release; {_GOING[name]}", DeprecationWarning, stacklevel=2)
         if name not in _HOMES:
             now = f"; it is {_BEFORE[name]!r} now" if name in _BEFORE else ""
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
@@ -187,4 +193,4 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", *_HOMES])
+    return sorted(["__version__", *(_HOMES.keys() - _GOING.keys())])

@@ -276,6 +276,7 @@ class OutputUnits:
             "kg": (self.mass, MASS[self.mass]),
             "N/m": (f"{self.force}/{self.length}", force / length),
             "J": (f"{self.force}*{self.length}", force * length),
+            "N*m": (f"{self.force}*{self.length}", force * length),
         }
         # Nobody writes N*m for an energy.
         if (self.force, self.length) == ("N", "m"):

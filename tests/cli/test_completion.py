@@ -63,3 +63,12 @@ def test_the_line_for_bash_switches_it_on():
     done = subprocess.run(["bash", "-c", script], env={**os.environ, "PATH": path}, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.endswith(" tdint\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_a_full_disk_behind_a_completion(monkeypatch):
+    command = [sys.executable, "-c", "from tdint_cli.main import main; main()"]
+    with Path("/dev/full").open("w") as full:
+        environment = os.environ | {"_TDINT_COMPLETE": "bash_source"}
+        done = subprocess.run(command, env=environment, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, "standard output: cannot be written" in done.stderr) == (6, True)

@@ -92,3 +92,18 @@ def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint, other
         line for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines() if "shows" in line
     ]
     assert told == ["note: the picture shows the first components and leaves out 1 more"] * said
+
+
+def test_a_name_with_a_formula_behind_a_semicolon_is_quoted(folder, tdint):
+    """A spreadsheet that parts cells there would run it; other readers get the name as it is."""
+    (folder / "a;=1+2.mseed").write_bytes((folder / "motion.mseed").read_bytes())
+    told = tdint("info", "a;=1+2.mseed", code=0).stdout
+    assert told.splitlines()[1].startswith('"a;=1+2.mseed",HNE')
+    assert rows(told)[0]["record"] == "a;=1+2.mseed"
+
+
+def test_samples_too_far_apart_for_a_spectrum_have_all_else(folder, tdint):
+    samples = "".join(f"{10 * i},{(-1) ** i}\n" for i in range(20))
+    (folder / "slow.csv").write_text("time_s,acceleration_m_s2\n" + samples)
+    (row,) = rows(tdint("info", "slow.csv", code=0).stdout)
+    assert row["pga_m_s2"] == "1" and row["housner_intensity_m"] == ""

@@ -214,6 +214,56 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
     assert "no file of `tdint scale` beside it" in page("changed.html").text
 
 
+def test_the_page_of_a_pushover_refuses_what_the_standards_do(folder: Path, tdint: Command) -> None:
+    target = "ec8:type=1,soil=C,ag=0.35g"
+    asked = ("pushover", CONFIGS / "collapse-prone-frame.yaml", "--target", target, "-o", "t.csv")
+    tdint(*asked, "--report", "page.html", "--report-head", "Project: A", code=0)
+    found = page("page.html")
+    drifts = [f"{1e2 * float(row['drift_ratio']):.4g}" for row in rows("t.csv")]
+    assert [row["drift ratio (%)"] for row in table_with(found, "ductility")] == drifts
+    (n2, coefficients) = json.loads(Path("t.json").read_text())["targets"]
+    told = [row["yield force (kN)"] for row in table_with(found, "yield force (kN)")]
+    assert told == [f"{made['yield_force_N'] / 1e3:.4g}" for made in (n2, coefficients)]
+    body = Path("page.html").read_text().partition("<body>")[2]
+    assert body.count('class="v broken"') == 2 and "are not met: do not use its displacement" in body
+    assert "Project:" in found.text and len(found.sources) == 1
+
+
+def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(folder: Path, tdint: Command) -> None:
+    asked = ("modes", CONFIGS / "ten-story-bilinear.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g", "-o", "m.csv")
+    result = tdint(*asked, "--report", "page.html", code=0)
+    assert "5 % in the first mode, is ignored" in result.stderr
+    found, peaks = page("page.html"), rows("m.csv")
+    told = table_with(found, "overturning moment cqc (kN*m)")
+    assert [row["overturning moment cqc (kN*m)"] for row in told] == [
+        str(round(float(f"{float(row['overturning_moment_cqc_Nm']) / 1e3:.4g}"))) for row in peaks
+    ]
+    # Of the first mode alone the moments are those of its shears; the roof's force is what its story carries.
+    assert float(peaks[-1]["floor_force_cqc_N"]) == pytest.approx(float(peaks[-1]["shear_cqc_N"]), rel=1e-9)
+    assert float(peaks[-1]["overturning_moment_cqc_Nm"]) == pytest.approx(3.5 * float(peaks[-1]["shear_cqc_N"]))
+    acceleration = float(peaks[-1]["floor_force_cqc_N"]) / 2e5
+    assert float(peaks[-1]["absolute_acceleration_cqc_m_s2"]) == pytest.approx(acceleration)
+    modes = json.loads(Path("m.json").read_text())["modes"]
+    assert sum(mode["base_shear_share"] for mode in modes) == pytest.approx(1.0)
+    srss = sum(mode["base_shear_N"] ** 2 for mode in modes) ** 0.5
+    assert srss == pytest.approx(float(peaks[0]["shear_srss_N"]))
+    tdint.refused("add --target", *asked[:2], "--report", "other.html")
+
+
+def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Command) -> None:
+    tdint("run", "shaken.yaml", "-o", "out", "--history", code=0)
+    Path("recorded.yaml").write_text(
+        "base: {file: out/history.csv, column: ground_acceleration_m_s2}\n"
+        "floors: {roof: {file: out/history.csv, column: floor_2_absolute_acceleration_m_s2}}\n"
+    )
+    asked = ("compare", "shaken.yaml", "--recorded", "recorded.yaml", "--require", "correlation=0.9")
+    table = rows(tdint(*asked, "--report", "page.html", code=0).stdout)
+    found = page("page.html")
+    (told,) = table_with(found, "correlation")
+    assert told["correlation"] == f"{float(table[0]['correlation']):.4g}"
+    assert "Required of every floor: correlation 0.9. Met." in found.text
+
+
 # ---- As pages of paper
 
 CHROMIUM = os.environ.get("CHROMIUM") or next(
@@ -298,6 +348,8 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
 @pytest.mark.parametrize(
     "asked",
     [
+        ("pushover", "collapse-prone-frame.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
+        ("modes", "ten-story-bilinear.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
         ("run", "base-isolated.yaml"), ("run", "ten-story-bilinear.yaml"), ("run", "fluid-dampers.yaml"),
         ("run", "ten-story-bilinear.yaml", RECORDS / "firm-soil.mseed", RECORDS / "soft-soil.mseed", "--limit", "2%"),
     ],

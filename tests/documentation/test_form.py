@@ -10,9 +10,9 @@ from tdint_cli.main import COMMANDS, cli
 
 WORDS = {
     ".github/CODE_OF_CONDUCT.md": 150,
-    ".github/CONTRIBUTING.md": 450,
+    ".github/CONTRIBUTING.md": 525,
     ".github/SECURITY.md": 200,
-    ".github/paper/paper.md": 1000,
+    ".github/paper/paper.md": 1750,
     "README.md": 1300,
     "CHANGELOG.md": 1750,
     "cli/README.md": 5500,

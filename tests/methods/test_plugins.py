@@ -281,11 +281,11 @@ def test_a_law_of_no_file_is_refused():
     law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
     with pytest.raises(UsageError, match="a file that another process can execute"):
-        tdint.register_law(alone)
+        definition.register_law(alone)
     with pytest.raises(UsageError, match="a law is a tdint"):
-        tdint.register_law("tanh")
+        definition.register_law("tanh")
     with pytest.raises(UsageError, match="a method is a tdint"):
-        tdint.register_method(law)
+        methods.register_method(law)
 
 
 PACKAGE = {

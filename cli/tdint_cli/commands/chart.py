@@ -173,7 +173,8 @@ def command(request: Request) -> None:
     peaks of drift, absolute acceleration and total shear each method takes its cheapest step, of 16 samples to 1/16;
     the table tells how many problems it solves within a factor of the least cost (Dolan and More 2002). The reference
     is impulse4 with 32 steps a sample; where moment4, with up to 128, is farther from it than a fifth of a tolerance,
-    the problem is not judged there. --peers: OpenSeesPy, on one motion of each building that it can do.
+    the problem is not judged there. --peers: OpenSeesPy, on the problems whose laws it has. A method that does
+    not take a problem does not solve it.
     """
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
         refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)

@@ -23,6 +23,7 @@ from tdint_cli.terminal import note, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.compare import Comparison
     from tdint.analysis.fit import Fit
+    from tdint.arrays import Array
     from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.units import OutputUnits
@@ -115,6 +116,8 @@ class Request:
         "and the others beside it, their names behind its name.",
     )
     plot: str | None = options.output.picture
+    report: str | None = options.output.report
+    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
 
@@ -134,7 +137,7 @@ class Request:
     def outputs(self) -> list[Path]:
         """All files that are written."""
         names = (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
-        return [*map(self.file, names), *([self.picture] if self.picture else [])]
+        return [*map(self.file, names), *filter(None, (self.picture, Path(self.report) if self.report else None))]
 
 
 @options.command(
@@ -215,6 +218,8 @@ def _write(
     if picture := request.picture:
         draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
         files[picture] = figures.style.picture(picture.suffix, draw)
+    if request.report:
+        files[Path(request.report)] = _page(request, comparisons, fitted, periods)
     if request.output:
         settings = {
             "method": request.method,
@@ -231,22 +236,52 @@ def _write(
         write_files(files, overwrite=request.overwrite)
 
 
+def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array) -> bytes:
+    """The page of --report: what was required of every floor is its verdict."""
+    from tdint.analysis.compare import absolute_displacements, unmet
+    from tdint.output.page import Told, page_units
+    from tdint.output.report import comparison_page
+    from tdint.output.summary import files_read
+    from tdint.output.tables.buildings import fitted_table
+
+    model = comparisons[0].response.model
+    units = page_units(request.output_units or model.page_units)
+    verdict: list[tuple[bool | None, str]] = []
+    if required := request.require:
+        faults = [fault for item in comparisons for fault in unmet(item, required)]
+        asked = ", ".join(f"{name} {value:g}" for name, value in required)
+        verdict = [(not faults, f"Required of every floor: {asked}. {'; '.join(faults) or 'Met'}.")]
+    said = [text for item in comparisons for text in (_driven(item, units),)]
+    warnings = [
+        text
+        for item in comparisons
+        for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
+    ]
+    told = Told(said, warnings, request.report_head or model.page_head, files_read(), verdict)
+    draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
+    return comparison_page(comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units)
+
+
+def _driven(item: Comparison, units: OutputUnits) -> str:
+    """What drove the building, in a sentence."""
+    event, run, (acceleration, g) = item.event, item.response, units.unit("m/s^2")
+    band = event.recording.band
+    return (
+        f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
+        + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
+        + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
+        + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")
+    )
+
+
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """What was done, in a few sentences; then warnings and notes."""
     from tdint.analysis.compare import absolute_displacements
     from tdint.output.tables.buildings import fitted_in
 
-    acceleration, g = units.unit("m/s^2")
     for item in comparisons:
-        event, run = item.event, item.response
-        band = event.recording.band
-        say(
-            f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
-            + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
-            + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
-            + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")
-        )
-        warn(*event.warnings, *item.response.warnings, *absolute_displacements(item))
+        say(_driven(item, units))
+        warn(*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     # The first values alone: a building of many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -51,7 +52,7 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     help="Steps of the roof displacement; 200 by default.",
 )
 @options.studies.target("The displacement to which a design spectrum pushes the building, in place of the curve")
-@options.output.to_files(picture=options.output.PICTURE)
+@options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
@@ -73,7 +74,9 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     # With a target the table is that of its displacements; the curve goes into the picture alone.
     if target is None:
         outputs.deliver(
-            tables.buildings.pushover_table(result), lambda: figures.comparison.pushover_picture(result, units)
+            tables.buildings.pushover_table(result),
+            lambda: figures.comparison.pushover_picture(result, units),
+            page=lambda: _page(result, (), outputs),
         )
         say(_words(result, units))
         return
@@ -84,16 +87,33 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     outputs.deliver(
         tables.buildings.target_table(tuple(reached)),
         lambda: figures.comparison.target_picture(tuple(reached), units),
-        lambda: {
-            "targets": [dict(zip(of_building.columns, row, strict=True)) for row in of_building.rows],
-            "meanings": of_building.meanings,
-        },
+        lambda: of_building.as_summary("targets"),
+        lambda: _page(result, tuple(reached), outputs),
     )
     say(_words(result, units))
     for made in reached:
         say(_reached(made, units))
     for text in (note for made in reached for note in made.notes):
         warn(text)
+
+
+def _page(result: Pushover, reached: Sequence[TargetDisplacement], outputs: Outputs) -> bytes:
+    """The page of --report: what is refused of a target displacement is its verdict."""
+    from tdint.output.page import Told, page_units
+    from tdint.output.report import pushover_page
+    from tdint.output.summary import files_read
+
+    units = outputs.page_units(result.model)
+    shown = page_units(units)
+    verdict: list[tuple[bool | None, str]] = []
+    for made in reached:
+        roof = f"{made.method}: target displacement {shown.text(made.roof_displacement, 'm')} of the roof"
+        verdict.append(
+            (False if made.notes else None, ". ".join([roof, *(note.partition(": ")[2] for note in made.notes)]))
+        )
+    said = [*_words(result, shown).splitlines(), *(_reached(made, shown) for made in reached)]
+    told = Told(said, (), outputs.head or result.model.page_head, files_read(), verdict)
+    return pushover_page(result, reached, told, units)
 
 
 def _reached(made: TargetDisplacement, units: OutputUnits) -> str:

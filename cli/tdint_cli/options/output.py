@@ -24,6 +24,7 @@ from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
     from tdint.files import Content
+    from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
@@ -198,11 +199,13 @@ class Outputs:
     summary: Path | None
     overwrite: bool
     units: OutputUnits | None = None
+    report: Path | None = None
+    head: tuple[tuple[str, str], ...] = ()
 
     @property
     def files(self) -> list[Path]:
         """The files that are written."""
-        return [file for file in (self.table, self.picture, self.summary) if file]
+        return [file for file in (self.table, self.picture, self.summary, self.report) if file]
 
     @classmethod
     def checked(
@@ -212,6 +215,8 @@ class Outputs:
         overwrite: bool,
         *,
         units: OutputUnits | None = None,
+        report: str | None = None,
+        head: tuple[tuple[str, str], ...] = (),
     ) -> Outputs:
         """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
         the table.
@@ -233,7 +238,8 @@ class Outputs:
             optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
         # Files before the picture's format: that loads matplotlib.
-        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
+        page = Path(report) if report else None
+        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units, page, head)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             check_picture(outputs.picture)
@@ -244,6 +250,11 @@ class Outputs:
         """The units of all that is written."""
         return self.units or SI
 
+    def page_units(self, model: Model) -> OutputUnits:
+        """The units of the page: those that the command line names, or the model's."""
+        context = click.get_current_context()
+        return cast("OutputUnits | None", context.params.get("output_units")) or model.page_units
+
     def else_in(self, units: OutputUnits) -> Outputs:
         """The same, in these units if the command line names none."""
         return self if self.units else replace(self, units=units)
@@ -253,9 +264,10 @@ class Outputs:
         table: Table,
         draw: Callable[[], Figure] | None = None,
         summarize: Callable[[], dict[str, Any]] | None = None,
+        page: Callable[[], bytes] | None = None,
     ) -> None:
         """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that is more than the
-        command line, what was read and what the columns mean."""
+        command line, what was read and what the columns mean, `page` that of --report."""
         from tdint.files import write_files
         from tdint.output import figures
 
@@ -269,6 +281,8 @@ class Outputs:
             files[self.table] = table.parquet() if is_parquet(self.table) else table.csv()
         if self.picture and draw is not None:
             files[self.picture] = figures.style.picture(self.picture.suffix, draw)
+        if self.report and page is not None:
+            files[self.report] = page()
         if self.summary:
             files[self.summary] = provenance(meanings, self.shown_units, told)
         # The table goes to standard output before the files: a reader of a pipe need not wait for a picture.
@@ -283,22 +297,30 @@ def to_files(
     *,
     picture: str | None = None,
     in_units: bool = True,
+    page: bool = False,
     more: Sequence[Callable[[Any], Any]] = (),
 ) -> Callable[[Function], Function]:
     """The options of a command with a table: -o, `--plot` for one that draws (`picture` says what), what is peculiar to
-    the command, units, --overwrite. The command gets them together as `outputs`, checked."""
+    the command, --report with a `page`, units, --overwrite. The command gets them together as `outputs`, checked."""
 
     def declared(command: Function) -> Function:
         @functools.wraps(command)
         def collected(**given: Any) -> Any:
-            asked = {name: given.pop(name, None) for name in ("output", "plot", "overwrite", "output_units")}
+            names = ("output", "plot", "overwrite", "output_units", "report", "report_head")
+            asked = {name: given.pop(name, None) for name in names}
             outputs = Outputs.checked(
-                asked["output"], asked["plot"], bool(asked["overwrite"]), units=asked["output_units"]
+                asked["output"],
+                asked["plot"],
+                bool(asked["overwrite"]),
+                units=asked["output_units"],
+                report=asked["report"],
+                head=asked["report_head"] or (),
             )
             return command(**given, outputs=outputs)
 
         plots = () if picture is None else (plot(picture),)
-        declarations = (output(text=text), *plots, *more, *((units,) if in_units else ()), overwrite)
+        pages = (report, report_head) if page else ()
+        declarations = (output(text=text), *plots, *pages, *more, *((units,) if in_units else ()), overwrite)
         return grammar.with_options(declarations, cast(Function, collected))
 
     return declared

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, Ra
 from tdint.output import figures
 from tdint.output.page import DIGEST, Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.summary import campaign_summary
+from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
@@ -30,8 +31,14 @@ from tdint.units import SI, OutputUnits, suffix
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tdint.analysis.compare import Comparison
     from tdint.analysis.run.outcome import Response
     from tdint.analysis.spectra.floors import FloorSpectrum
+    from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.static import Pushover
+    from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
@@ -48,14 +55,12 @@ LEFT_OUT = (
 
 def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
     """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta."""
-    from tdint.output.tables.buildings import model_table
-
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     facts = (
         f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s with {100.0 * damping:.3g} % damping, "
         f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
-    return Chapter(f"Building: {model.name}", (facts, model_table(model, units)))
+    return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
 
 
 def damping_words(model: Model) -> str:
@@ -128,14 +133,13 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
     damped = any(response.stories.peak_damper_force)
     places = {_quantity(whole, name): name for name in whole.columns}
     names = [places[name] for name in _OF_STORIES if name in places and not (damped and name == "peak_shear")]
-    omega, damping = assemble(model).first_mode()
     drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
     spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra")
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        model_chapter(model, 2.0 * math.pi / omega, damping, units),
+        _model_chapter(model, units),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (once(response.notes),)),
@@ -411,3 +415,92 @@ def _assumptions(step: str, more: Sequence[str]) -> Chapter:
         "Drifts and displacements are relative to the floor below and to the ground; accelerations are absolute.",
     )
     return Chapter("Assumptions", (points,))
+
+
+# ---- The pages of a pushover, of modal peaks and of a comparison
+
+
+def pushover_page(
+    result: Pushover, targets: Sequence[TargetDisplacement], told: Told, units: OutputUnits = SI
+) -> bytes:
+    """The page of a pushover, and of where a design spectrum pushes the building to."""
+    model, units = result.model, page_units(units)
+    drawn = partial(figures.comparison.pushover_picture, result, units)
+    if targets:
+        drawn = partial(figures.comparison.target_picture, targets, units)
+    # The rows of a curve are for a plot; of a target displacement each story's drift is judged.
+    parts: list[Part] = []
+    if targets:
+        parts = [
+            _words_of_methods(buildings.target_table(targets)),
+            "The equivalent oscillators, and the building where they push it to:",
+            _words_of_methods(buildings.target_building_table(targets)).in_units(units),
+        ]
+    chapters = [
+        Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
+        Chapter("Stories at the target displacement", parts),
+        _model_chapter(model, units),
+        Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
+        _inputs(told.inputs),
+    ]
+    return page(model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told)
+
+
+def _words_of_methods(table: Table) -> Table:
+    """The methods in words."""
+    place = table.columns.index("method")
+    return replace(table, rows=[(*row[:place], _METHODS[str(row[place])], *row[place + 1 :]) for row in table.rows])
+
+
+_METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
+_PUSHED = (
+    "The building is pushed slowly by forces of one pattern; without dashpots and damping, with its P-delta if it has.",
+    "A target displacement is an estimate from one curve and an elastic spectrum; time histories may differ.",
+)
+
+
+def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> bytes:
+    """The page of the peaks of a linear building under a design spectrum."""
+    model, units = result.model, page_units(units)
+    drawn = partial(figures.comparison.modal_response_picture, result, units)
+    # The page has one of both sums, CQC, which holds for close modes, too; the base shear by SRSS stands in its words.
+    table = buildings.modal_response_table(result)
+    table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
+    chapters = [
+        Chapter("Result", (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}"))),
+        Chapter("Peaks of the stories", (table.in_units(units),)),
+        Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
+        _model_chapter(model, units),
+        Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
+        _inputs(told.inputs),
+    ]
+    return page(model.name, f"Response spectrum analysis of {model.name}: {result.target.source}.", chapters, told)
+
+
+_MODAL = (
+    "The building is linear with its initial stiffness; peaks of modes are combined by the square root of the sum of "
+    "squares (SRSS) and by the complete quadratic combination (CQC), each response from its own modal peaks.",
+    "The target spectrum is that of all modes, whatever damping the model has.",
+)
+
+
+def comparison_page(
+    comparisons: Sequence[Comparison], draw: Callable[[], Figure], told: Told, fitted: Table | None, units: OutputUnits
+) -> bytes:
+    """The page of a building's result beside recordings; `fitted` are the values that were fitted to one of them."""
+    response, units = comparisons[0].response, page_units(units)
+    words = f"{method_words(response.method)}, steps of {response.dt:.6g} s"
+    chapters = [
+        Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
+        Chapter("Recorded and computed", (Picture(draw, "Recorded and computed histories and spectra of the floors"),)),
+        Chapter("Fitted", (fitted,) if fitted else ()),
+        _model_chapter(response.model, units),
+        _assumptions(words, ("recording and result are taken to the same band, without shift of phase",)),
+        _inputs(told.inputs),
+    ]
+    return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
+
+
+def _model_chapter(model: Model, units: OutputUnits) -> Chapter:
+    omega, damping = assemble(model).first_mode()
+    return model_chapter(model, 2.0 * math.pi / omega, damping, units)

@@ -22,7 +22,7 @@ import numpy as np
 
 NOT_INSTALLED, NOT_LOADED = 3, 4
 SECONDS = 60.0
-"""After so many seconds no further run is begun."""
+"""After so many seconds of processor time no further run is begun; of one of many problems a part of them."""
 
 _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
 TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
@@ -49,10 +49,10 @@ def main() -> int:
         problem = dict(content)
     runs = json.loads(str(problem["runs"]))
     results: Content = {"version": np.array(str(ops.version()))}
-    began = time.perf_counter()
+    began = time.process_time()
     done = 0
     for run in runs:
-        if time.perf_counter() - began > SECONDS:
+        if time.process_time() - began > SECONDS * float(problem["share"]):
             break
         for name, value in _run(ops, problem, run).items():
             results[f"{done}_{name}"] = value
@@ -106,11 +106,8 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     for i in range(n):
         ops.mass(i + 1, float(problem["mass"][i]))
         # A story is a spring, and beside it a dashpot that Rayleigh damping does not have.
-        stiffness, dashpot, yields = (float(problem[name][i]) for name in ("stiffness", "dashpot", "yield_force"))
-        if math.isnan(yields):
-            ops.uniaxialMaterial("Elastic", i + 1, stiffness)
-        else:
-            ops.uniaxialMaterial("Steel01", i + 1, yields, stiffness, float(problem["hardening"][i]))
+        dashpot, (kind, *numbers) = float(problem["dashpot"][i]), json.loads(str(problem["materials"]))[i]
+        ops.uniaxialMaterial(kind, i + 1, *numbers)
         materials, directions = [i + 1], [1]
         if dashpot != 0.0:
             ops.uniaxialMaterial("Viscous", 100_000 + i, dashpot, 1.0)
@@ -130,7 +127,8 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.numberer("Plain")
     ops.system("BandSPD")
     ops.test("NormUnbalance", TOLERANCE * float(problem["largest"]), ITERATIONS)
-    ops.algorithm("Linear" if problem["one_solve"] else "Newton")
+    # A building whose matrix never changes is factorized once.
+    ops.algorithm(*("Linear", "-factorOnce") if problem["one_solve"] else ("Newton",))
     ops.integrator(*run["integrator"])
     ops.analysis("Transient")
 
@@ -153,7 +151,8 @@ def _load_floors(ops: Any, problem: Content) -> None:
 
 
 def _march(ops: Any, problem: Content, run: Content) -> Content:
-    """Step by step: the motion every so many steps, the peaks of the drifts at all steps, the iterations."""
+    """Step by step: the motion every so many steps, the peaks at all steps, the iterations. Absolute accelerations are
+    those of the nodes and of the ground; total shears what they do to the masses above, without forces on floors."""
     n = problem["mass"].size
     nodes = range(1, n + 1)
     every = run["per_sample"]
@@ -161,7 +160,15 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     table = np.zeros((3, rows, n))
     table[:, 0] = problem["u_start"], problem["v_start"], problem["a_start"]
     # Peaks are seen at all steps, the motion is kept at the samples.
-    peaks = np.abs(np.diff(problem["u_start"], prepend=0.0))
+    times = run["h"] * np.arange(run["steps"] + 1)
+    size = problem["ground"].size
+    ground = np.interp(times, problem["interval"] * np.arange(size + 1), [*problem["ground"], 0.0])
+
+    def demands(u: Any, a: Any) -> Any:
+        shear = np.cumsum((problem["mass"] * a)[::-1])[::-1] * (math.nan if problem["forces"].size else 1.0)
+        return np.abs([np.diff(u, prepend=0.0), a, shear])
+
+    peaks = demands(problem["u_start"], problem["a_start"] + ground[0])
     iterations = 0
     for step in range(1, run["steps"] + 1):
         if ops.analyze(1, run["h"]) != 0:
@@ -170,16 +177,17 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
         u = np.array([ops.nodeDisp(node, 1) for node in nodes])
         if not np.all(np.isfinite(u)):
             return {"outcome": np.array("diverged")}
-        np.maximum(peaks, np.abs(np.diff(u, prepend=0.0)), out=peaks)
+        a = np.array([ops.nodeAccel(node, 1) for node in nodes])
+        np.maximum(peaks, demands(u, a + ground[step]), out=peaks)
         if step % every == 0:
             row = step // every
             table[0, row] = u
             table[1, row] = [ops.nodeVel(node, 1) for node in nodes]
-            table[2, row] = [ops.nodeAccel(node, 1) for node in nodes]
+            table[2, row] = a
     return {
         "outcome": np.array("done"),
         "motion": table,
-        "peak_drift": peaks,
+        **dict(zip(("peak_drift", "peak_acceleration", "peak_total_shear"), peaks, strict=True)),
         "iterations": np.array(iterations),
     }
 

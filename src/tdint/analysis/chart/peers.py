@@ -12,13 +12,14 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from tdint import system
 from tdint.analysis.chart import opensees_worker
-from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, errors
+from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, RelativeErrors, errors
 from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, silent
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
 from tdint.analysis.run.workspace import Steps
@@ -44,6 +45,29 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
 instead of the start."""
 
 
+def _bouc_wen(k: float, strength: float, hardening: float, n: float, beta: float, *_: float) -> tuple[Any, ...]:
+    size = (k / strength) ** n
+    return "BoucWen", hardening, k, n, (1.0 - beta) * size, beta * size, 1.0, 0.0, 0.0, 0.0
+
+
+def _stops(k: float, gap: float, stop: float, *_: float) -> tuple[Any, ...]:
+    drifts = (-2.0 * gap, -gap, gap, 2.0 * gap)
+    forces = (k * d + stop * math.copysign(max(abs(d) - gap, 0.0), d) for d in drifts)
+    return "ElasticMultiLinear", "-strain", *drifts, "-stress", *forces
+
+
+Judge = Callable[[Any, FloorMotion, Integrator, Steps], RelativeErrors]
+"""From the peaks of a run, its motion at the samples, its method and its steps to its errors."""
+
+_MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
+    "linear": lambda k, *_: ("Elastic", k),
+    "bilinear": lambda k, strength, hardening, *_: ("Steel01", strength, k, hardening),
+    "gap": _stops,
+    "bouc-wen": _bouc_wen,
+}
+"""Our law and, of its stiffness and parameters, OpenSees' material with its own: those whose law is the same."""
+
+
 ITERATED = (
     "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the forces of the weighted "
     "time with the acceleration at the end of the step; its error falls with order 1, and its iterations converge by "
@@ -53,26 +77,33 @@ ITERATED = (
 
 
 def openseespy_points(
-    problem: Problem, dts: Sequence[float], reference: Reference, *, repeats: int = _REPEATS
+    problem: Problem,
+    dts: Sequence[float],
+    reference: Reference,
+    *,
+    repeats: int = _REPEATS,
+    share: float = 1.0,
+    judge: Judge | None = None,
 ) -> tuple[list[Point], list[str]]:
     """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and generalized-alpha.
 
-    The parameters are those that ours have by default. The building is the same: a zeroLength element per story
-    (Elastic, Steel01, beside it Viscous for dashpots), Rayleigh damping from the initial stiffness, the record as a
-    Path, the acceleration of equilibrium at the start; Newton's method (Linear in linear buildings) until the
-    unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of `analyze` alone. Peaks are
-    those at the steps.
+    The parameters are those that ours have by default. The building is the same: a zeroLength element per story (a
+    material of `_MATERIALS`, beside it Viscous for dashpots), Rayleigh damping from the initial stiffness, the record
+    as a Path, the acceleration of equilibrium at the start; Newton's method (Linear in linear buildings, factorized
+    once) until the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of `analyze`
+    alone. Peaks are those at the steps; `judge` has the errors from them in place of those of the motion. A `share` of
+    the time that one problem has is what all runs may take.
     """
     reason = _unsupported(problem)
     if reason:
         return [], [f"openseespy is left out: {reason}"]
     runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
     runs.sort(key=lambda run: run[1].count)  # if time is up, the dearest ones are missing
-    answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS))
+    answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS), share)
     if why:
         return [], [f"openseespy is left out: {why}"]
     done = int(answer["done"])
-    points = [_point(problem, run, answer, number, reference) for number, run in enumerate(runs[:done])]
+    points = [_point(problem, run, answer, number, reference, judge) for number, run in enumerate(runs[:done])]
     order = [f"openseespy/{name}" for name in _OPENSEES]
     points.sort(key=lambda point: (order.index(point.line), -point.dt))
     missing = len(runs) - done
@@ -87,9 +118,10 @@ def openseespy_points(
 def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
-    supported = [CODES[name] for name in ("linear", "bilinear")]
-    if not np.all(np.isin(building.law_parameters[at.CODE, :-1], supported)):
-        return "a story's law is neither linear nor bilinear"
+    if not np.all(np.isin(building.law_parameters[at.CODE, :-1], [CODES[name] for name in _MATERIALS])):
+        return f"a story's law is none of {', '.join(_MATERIALS)}"
+    if building.power_damped:
+        return "the model has power-law dashpots"
     if np.any(building.linear_terms[at.GEOMETRIC]):
         return "the model has P-delta"
     if len(building.modal):
@@ -114,7 +146,7 @@ def _one_solve(problem: Problem) -> bool:
 
 
 def _ask(
-    problem: Problem, runs: Sequence[tuple[Integrator, Steps]], reference: Reference, repeats: int
+    problem: Problem, runs: Sequence[tuple[Integrator, Steps]], reference: Reference, repeats: int, share: float
 ) -> tuple[dict[str, Any], str]:
     """The worker's answer, and why there is none."""
     jobs = [
@@ -130,7 +162,7 @@ def _ask(
     ]
     # In a process of its own: OpenSees' libraries would stay in this one, and may end it.
     stream = io.BytesIO()
-    np.savez(stream, runs=np.array(json.dumps(jobs)), **_arrays(problem, reference))
+    np.savez(stream, runs=np.array(json.dumps(jobs)), share=np.array(share), **_arrays(problem, reference))
     command = [sys.executable, "-P", "-m", opensees_worker.__name__]
     try:
         done = subprocess.run(command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES)
@@ -151,10 +183,11 @@ def _ask(
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     building = problem.building
     stiffness = building.law_parameters[at.STIFFNESS, :-1]
-    bilinear = building.law_parameters[at.CODE, :-1] == CODES["bilinear"]
-    parameters = np.full((2, building.stories), math.nan)
-    if bilinear.any():
-        parameters[:, bilinear] = building.law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
+    names = {CODES[name]: name for name in _MATERIALS}
+    stories = building.law_parameters[:, :-1].T.tolist()
+    materials = [
+        _MATERIALS[names[story[at.CODE]]](story[at.STIFFNESS], *story[at.FIRST_PARAMETER :]) for story in stories
+    ]
     dampers = building.linear_terms[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
     # The start is that of equilibrium, which OpenSees does not look for.
@@ -163,9 +196,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         start_force[int(row[at.FLOOR])] += row[at.COSINE]
     return {
         "mass": building.mass,
-        "stiffness": stiffness,
-        "yield_force": parameters[0],
-        "hardening": parameters[1],
+        "materials": np.array(json.dumps(materials)),
         "alpha_mass": np.array(_proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
@@ -181,7 +212,12 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
 
 
 def _point(
-    problem: Problem, run: tuple[Integrator, Steps], answer: dict[str, Any], number: int, reference: Reference
+    problem: Problem,
+    run: tuple[Integrator, Steps],
+    answer: dict[str, Any],
+    number: int,
+    reference: Reference,
+    judge: Judge | None,
 ) -> Point:
     """The point that a run is."""
     integrator, steps = run
@@ -198,14 +234,14 @@ def _point(
     )
     motion = FloorMotion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
     times = tuple(got["times"].tolist())
-    found_errors = errors(motion, reference.motion)
-    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found_errors, times, line=line)
+    off = judge(SimpleNamespace(**got), motion, integrator, steps) if judge else errors(motion, reference.motion)
+    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), off, times, line=line)
 
 
 _OPENSEES_SETTINGS = (
-    f"zeroLength elements (Elastic, Steel01, Viscous), BandSPD, Newton until NormUnbalance is "
-    f"{opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} iterations at most "
-    f"(Linear in linear buildings); least of {_REPEATS} times at most"
+    f"zeroLength elements (Elastic, Steel01, ElasticMultiLinear, BoucWen, Viscous), BandSPD, Newton until "
+    f"NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} "
+    f"iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} times at most"
 )
 _SCIPY_SETTINGS = "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
 

@@ -16,10 +16,12 @@ import numpy as np
 
 from tdint.analysis.chart.problem import (
     Errors,
+    FloorMotion,
     Problem,
     Reference,
     RelativeErrors,
     ending_together,
+    errors,
     largest_relative,
     pose,
 )
@@ -36,6 +38,7 @@ from tdint.analysis.chart.work_precision import (
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.run.outcome import FailedRun, StoryPeaks
+from tdint.analysis.run.workspace import Steps
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
@@ -76,6 +79,7 @@ _FINER = (32, 128)  # and the second method: the latter where the former does no
 _SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
 _FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
+_SHARE = 0.4  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
 _REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
@@ -125,6 +129,9 @@ class Measured:
         Of that against the reference: errors are known where they are well above it.
     points : tuple of Point
         Method by method, each from its largest step to its smallest; `Point.errors` are `PeakErrors`.
+    peer_gap, peer_note : float, str
+        How far OpenSees' average acceleration is from ours with the smallest step that it did, the larger of drift and
+        acceleration (L2); why it has no points, or not all.
     """
 
     name: str
@@ -138,15 +145,16 @@ class Measured:
     confirmed_by: str
     gap: PeakErrors
     points: tuple[Point, ...]
+    peer_gap: float = math.nan
+    peer_note: str = ""
 
     def judges(self, quantity: str, tolerance: float) -> bool:
         """Whether the reference is known well enough for a tolerance."""
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none. Of other
-        programs drifts alone are known: they have no part in other quantities."""
-        lines = dict.fromkeys(point.line for point in self.points if quantity == "peak_drift" or PEER not in point.line)
+        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none."""
+        lines = dict.fromkeys(point.line for point in self.points)
         return {
             line: min((point.fastest for point in within(self.points, line, quantity, tolerance)), default=math.nan)
             for line in lines
@@ -191,8 +199,9 @@ class FieldChart(Tabular):
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
-        """By quantity, by tolerance, by method: over the problems that the method was given and whose references are
-        known well enough. Another program's costs are over the least of ours, which it does not change."""
+        """By quantity, by tolerance, by method: over all problems whose references are known well enough; one that a
+        method does not take is one that it does not solve. Another program's costs are over the least of ours, which
+        it does not change."""
         profiles = []
         our_lines = [line for line in self.lines if PEER not in line]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
@@ -202,26 +211,32 @@ class FieldChart(Tabular):
             judged = [measured.costs(quantity, tolerance) for measured in sure]
             table = np.array([[costs.get(line, math.nan) for line in our_lines] for costs in judged])
             our_ratios = performance_ratios(table)
+            least = np.min(np.where(np.isnan(table), math.inf, table), axis=1)
             for line in self.lines:
-                given = [number for number, costs in enumerate(judged) if line in costs]
+                taken = sum(line in costs for costs in judged)
                 if line in our_lines:
-                    ratios = our_ratios[given, our_lines.index(line)]
+                    ratios = our_ratios[:, our_lines.index(line)]
                 else:
                     # Where none of our methods solves the problem and this program does, the ratio is 0.
-                    least = np.min(np.where(np.isnan(table[given]), math.inf, table[given]), axis=1)
-                    ratios = np.array([judged[number][line] for number in given]) / least
+                    ratios = np.array([costs.get(line, math.nan) for costs in judged]) / least
                     ratios[np.isnan(ratios)] = math.inf
-                if given:
-                    profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist()))))
+                profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
         return tuple(profiles)
+
+    def taken(self, line: str) -> int:
+        """Problems that a method takes."""
+        return sum(any(point.line == line for point in measured.points) for measured in self.measured)
+
+    def named(self, line: str) -> str:
+        """The method, and how many problems it takes if not all."""
+        taken = self.taken(line)
+        return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:
         """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
-        3 % and more; and what fails least, with the least worst ratio. Among methods that take all problems."""
+        3 % and more; and what fails least, with the least worst ratio. What a method does not take it fails."""
         profiles = [profile for profile in self.profiles if PEER not in profile.method]
-        # Only methods that were given all problems are compared: those for linear buildings alone have the easier ones.
-        given = {line: sum(p.problems for p in profiles if p.method == line) for line in self.lines}
-        lines = [line for line in self.lines if given[line] and given[line] == max(given.values())]
+        lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
 
@@ -230,7 +245,9 @@ class FieldChart(Tabular):
 
         def fails(line: str) -> tuple[int, float]:
             of_line = [p for p in profiles if p.method == line]
-            return sum(p.problems - p.solved for p in of_line), max(p.worst for p in of_line if p.solved)
+            return sum(p.problems - p.solved for p in of_line), max(
+                (p.worst for p in of_line if p.solved), default=math.inf
+            )
 
         return Leaders(
             max(lines, key=lambda line: near(line, 0.0)),
@@ -301,7 +318,7 @@ def measure_problem(
                 again = posed.case(pair[0]).march(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.march_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
-    others = _others(posed, dts) if peers else []
+    others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
         motion=problem.motion,
@@ -314,6 +331,8 @@ def measure_problem(
         confirmed_by=confirmed_by,
         gap=gap,
         points=(*points.values(), *others),
+        peer_gap=agreed,
+        peer_note=said,
     )
 
 
@@ -350,16 +369,34 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
     return list(contenders.values())
 
 
-def _others(posed: Problem, dts: Sequence[float]) -> list[Point]:
-    """OpenSeesPy's points: errors of peak drifts, against the reference at the samples."""
-    from tdint.analysis.chart.peers import openseespy_points
+def _others(posed: Problem, dts: Sequence[float], true: StoryPeaks) -> tuple[list[Point], float, str]:
+    """OpenSeesPy's points, `peer_gap` and `peer_note` of `Measured`. It has points where with its smallest step its
+    average acceleration and ours have the same histories but for a fifth of the smallest tolerance: the law is one.
+    """
+    from tdint.analysis.chart.peers import ITERATED, openseespy_points
 
-    h = posed.interval / _FINE
+    h = posed.interval  # forces of inertia are wanted for the size of its tolerance
     motion = posed.march(parse("impulse4"), posed.steps(h), keep=True).motion
     assert motion is not None  # it has come to its end before
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
-    points, _ = openseespy_points(posed, dts, reference)
-    return [replace(point, errors=PeakErrors(point.error("peak_drift"), math.nan, math.nan)) for point in points]
+    average, found = parse("newmark-average"), dict[int, tuple[Steps, FloorMotion]]()
+
+    def judge(peaks: StoryPeaks, motion: FloorMotion, integrator: Integrator, steps: Steps) -> PeakErrors:
+        if integrator == average and steps.stride == 1:  # rows at all samples
+            found[steps.count] = steps, motion
+        return PeakErrors.between(peaks, true)
+
+    points, notes = openseespy_points(posed, dts, reference, repeats=1, share=_SHARE, judge=judge)
+    said = "; ".join(note for note in notes if note != ITERATED)
+    if not found:
+        return [], math.nan, said
+    steps, theirs = found[max(found)]
+    ours = posed.march(average, steps, keep=True).motion
+    assert ours is not None
+    apart = max(errors(theirs, ours).of(quantity) for quantity in ("drift", "acceleration"))
+    if not apart <= _SURE * min(TOLERANCES):
+        return [], apart, f"left out: with dt {steps.h:.3g} s its histories are {apart:.1e} from ours"
+    return points, apart, said
 
 
 # ---- All of them
@@ -394,7 +431,7 @@ def chart_many(
     repeats : int
         How often a step is timed that may be the cheapest for a tolerance.
     peers : bool
-        OpenSeesPy, too, on the first motion of each building that it can do.
+        OpenSeesPy, too, on the problems whose laws it has.
     progress : callable
         Told what is being done, and how much of it is done, from 0 to 1.
 
@@ -436,8 +473,7 @@ def measure_all(
         def tell(act: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
             progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
-        first = problem.name not in {before.name for before in measured}
-        measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers and first, progress=tell))
+        measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers, progress=tell))
     return field_chart(measured)
 
 

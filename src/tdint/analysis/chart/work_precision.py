@@ -528,12 +528,15 @@ class PerformanceProfile:
     ratios : tuple of float
         Its cost over that of the cheapest of our methods, a number for each problem; infinite where it is never
         within the tolerance.
+    taken : int
+        Problems that it takes; the others it does not solve.
     """
 
     quantity: str
     tolerance: float
     method: str
     ratios: tuple[float, ...]
+    taken: int
 
     def within(self, factor: float) -> int:
         """Problems that it solves at no more than this factor of the least cost: rho(factor) times the problems."""
@@ -541,7 +544,7 @@ class PerformanceProfile:
 
     @property
     def problems(self) -> int:
-        """Problems that it was given."""
+        """All problems."""
         return len(self.ratios)
 
     @property
@@ -551,8 +554,8 @@ class PerformanceProfile:
 
     @property
     def median(self) -> float:
-        """Median ratio; infinite where half of the problems are not solved."""
-        return statistics.median(self.ratios)
+        """Median ratio of the problems that it takes; infinite where half of these are not solved."""
+        return statistics.median(self.ratios[: self.taken]) if self.taken else math.inf
 
     @property
     def worst(self) -> float:

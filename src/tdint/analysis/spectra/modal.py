@@ -39,8 +39,13 @@ class ModalResponse(Tabular):
         Of the modes: s, m/s^2 (0 of a mode that is left out), effective modal mass over the total mass.
     rigid, left_out : int
         Modes shorter than the target's shortest period: with the target's value at the period 0, or without one.
+    base_shear : ndarray, shape (n,)
+        Of each mode alone, N.
     drift_srss, drift_cqc, shear_srss, shear_cqc, displacement_srss, displacement_cqc : ndarray
         Drifts, m; shears of the stories, which the masses above give, N; displacements of the floors, m.
+    force_cqc, acceleration_cqc, moment_cqc : ndarray
+        Forces on the floors, N, and these over the masses: absolute accelerations, m/s^2; overturning moments at the
+        foot of each story, N m; the latter nan where a story at or above has no height.
     """
 
     model: Model
@@ -50,12 +55,16 @@ class ModalResponse(Tabular):
     mass_ratio: Array
     rigid: int
     left_out: int
+    base_shear: Array
     drift_srss: Array
     drift_cqc: Array
     shear_srss: Array
     shear_cqc: Array
     displacement_srss: Array
     displacement_cqc: Array
+    force_cqc: Array
+    acceleration_cqc: Array
+    moment_cqc: Array
 
     def _headline(self) -> str:
         return f"of {self.model.name!r} under {self.target.source}: base shear {self.shear_cqc[0]:.4g} N (CQC)"
@@ -107,16 +116,22 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
         "drift": displacement - building.linear_terms[at.LINK, :-1] * np.roll(displacement, 1, axis=1),
         "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
         "displacement": displacement,
+        "force": forces,
+        "acceleration": forces / modes.mass,
     }
+    # Moments at the feet of the stories, from the shears above: bearings add no height.
+    peaks["moment"] = np.cumsum((peaks["shear"] * building.rises)[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _USUAL_DAMPING)
-    combined = {f"{name}_srss": np.sqrt(np.sum(rows**2, axis=0)) for name, rows in peaks.items()}
+    by_both = ("drift", "shear", "displacement")
+    combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in by_both}
     # Rounding may leave a sum of cancelling modes below zero.
     combined |= {
         f"{name}_cqc": np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", rows, correlation, rows), 0.0))
         for name, rows in peaks.items()
     }
     rigid, left_out = (int(short.sum()), 0) if demand.zero is not None else (0, int(short.sum()))
-    return ModalResponse(model, demand, period, acceleration, modes.mass_ratio, rigid, left_out, **combined)
+    ratios, base = modes.mass_ratio, peaks["shear"][:, 0]
+    return ModalResponse(model, demand, period, acceleration, ratios, rigid, left_out, base, **combined)
 
 
 def correlations(omega: Array, damping: float) -> Array:

@@ -86,7 +86,7 @@ def native() -> Target:
 
 def machine() -> Any:
     """What loads objects on this machine; an engine that is made of it owns it."""
-    with suppress(RuntimeError):  # newer llvmlite does it on its own, and says so
+    with suppress(RuntimeError, AttributeError):  # newer llvmlite does it on its own, and says so or has no such word
         llvm.initialize()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

@@ -531,7 +531,7 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("time over the least of all methods")
     order = [line for line in chart.lines if line in handles]
-    add_legend(figure, panels[0, 0], [handles[line] for line in order], order, NARROW)
+    add_legend(figure, panels[0, 0], [handles[line] for line in order], [chart.named(line) for line in order], NARROW)
     # The legend, which one method does not have, says below what was compared, and on what machine.
     timing = chart.timing
     programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]

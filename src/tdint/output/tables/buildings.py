@@ -152,7 +152,28 @@ MODAL_RESPONSE = (
         Column(f"displacement_{rule}_m", "m", f"displacement_{rule}", f"of the floor to the ground, {words}")
         for rule, words in _COMBINED
     ),
+    Column("absolute_acceleration_cqc_m_s2", "m/s^2", "acceleration_cqc", "of the floor, forces over mass"),
+    Column("floor_force_cqc_N", "N", "force_cqc", "on the floor above the story"),
+    Column("overturning_moment_cqc_Nm", "N*m", "moment_cqc", "at the foot of the story"),
 )
+MODAL_SHARE = (
+    Column("mode", "1", lambda made: np.arange(1, made.period.size + 1), "mode, from 1 at the longest period"),
+    Column("period_s", "s", "period", "natural period"),
+    Column("sa_m_s2", "m/s^2", "spectral_acceleration", "of the target; 0 of a mode that is left out"),
+    Column("mass_ratio", "1", "mass_ratio", "effective modal mass over the total mass"),
+    Column("base_shear_N", "N", "base_shear", "of the mode alone"),
+    Column(
+        "base_shear_share",
+        "1",
+        lambda made: made.base_shear**2 / np.sum(made.base_shear**2),
+        "its square over the sum of the squares of all modes",
+    ),
+)
+
+
+def modal_share_table(result: ModalResponse) -> Table:
+    """One row per mode: what it has in the combined peaks."""
+    return Table.of_results(MODAL_SHARE, [result])
 
 
 def modal_response_table(result: ModalResponse) -> Table:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -30,6 +28,7 @@ from tdint.output.tables.table import (
     Table,
     cell_text,
     converted,
+    csv_bytes,
     error_columns,
     harmless,
     names,
@@ -369,10 +368,7 @@ def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: Bin
     # Formatted a batch at a time: a campaign may have more rows than memory holds.
     source = iter(rows)
     while True:
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerows(waiting)
-        stream.write(text.getvalue().encode())
+        stream.write(csv_bytes(waiting))
         batch = list(islice(source, _ROWS_AT_ONCE))
         if not batch:
             return

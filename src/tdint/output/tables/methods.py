@@ -288,7 +288,8 @@ PROFILE = (
     Column("quantity", "text", "quantity", "what the error is of"),
     Column("tolerance", "1", "tolerance", "largest relative error of a story"),
     METHOD_SPEC,
-    Column("problems", "1", "problems", "problems that it was given and whose reference is known well enough"),
+    Column("problems", "1", "problems", "problems whose reference is known well enough, the same for all methods"),
+    Column("taken", "1", "taken", "of these, those that it takes; the others it does not solve"),
     Column("solved", "1", "solved", "of these, with a step that is within the tolerance, as are all smaller ones"),
     _within(1.1, "cheapest"),
     *map(_within, (2.0, 5.0, 10.0)),
@@ -296,7 +297,7 @@ PROFILE = (
         "median_ratio",
         "1",
         lambda one: _power(one.median),
-        "median of its cost over the least of our methods; empty where half are not solved",
+        "median of its cost over the least of our methods, of those taken; empty where half of these are not solved",
     ),
     Column("worst_ratio", "1", "worst", "the largest of those solved"),
 )
@@ -307,7 +308,7 @@ def profile_table(chart: FieldChart) -> Table:
     return Table.of_results(PROFILE, chart.profiles)
 
 
-MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[5:]))
+MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[6:]))
 """Columns of a chart that hang on measured times: other ones in each run."""
 
 VALIDATION = (

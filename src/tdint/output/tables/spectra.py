@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.spectra.elastic import Spectrum
+from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
     HOUSNER_PERIODS,
     MEASURES,
@@ -187,8 +188,11 @@ def record_info(record: AnyRecord) -> RecordInfo:
 
     of_file = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
-    psv = spectrum(of_file, periods, SA_DAMPING).psv
-    return RecordInfo(of_file, measure(of_file), spectrum_intensity(periods, psv))
+    try:
+        intensity = spectrum_intensity(periods, spectrum(of_file, periods, SA_DAMPING).psv)
+    except AnalysisError:  # samples that are too far apart for the shortest period, which nobody has asked for
+        intensity = math.nan
+    return RecordInfo(of_file, measure(of_file), intensity)
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:

@@ -36,6 +36,7 @@ _UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\
 
 _WORD = re.compile(r"\w+")
 _FORMULA = frozenset("=+-@\t\r")
+_BEHIND = re.compile(r";\s*['\"]?[=+@-]")
 _HARMLESS = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
 """Plain numbers, and a sign alone: - is the name of standard input."""
 
@@ -166,6 +167,11 @@ class Table:
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
 
+    def as_summary(self, key: str) -> dict[str, Any]:
+        """What a JSON file has of it: its rows under a key, and what their numbers mean."""
+        rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        return {key: rows, "meanings": dict(self.meanings)}
+
     def chosen(self, names: Iterable[str]) -> Table:
         """Some columns, by their names; what it has not is left out."""
         places = [self.columns.index(name) for name in names if name in self.columns]
@@ -187,11 +193,7 @@ class Table:
 
     def csv(self) -> bytes:
         """The table as CSV."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(map(harmless, self.columns))
-        writer.writerows(map(cell_text, row) for row in self.rows)
-        return text.getvalue().encode()
+        return csv_bytes([map(harmless, self.columns), *(map(cell_text, row) for row in self.rows)])
 
     def parquet(self) -> bytes:
         """The table as Parquet: each column with its unit and meaning, numbers with all their digits.
@@ -254,6 +256,16 @@ def harmless(text: str) -> str:
     # Bytes of a name that Python could not read in this locale reach it as surrogates.
     plain = plain.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     return f"'{plain}" if text[:1] in _FORMULA and not _HARMLESS.fullmatch(plain) else plain
+
+
+def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
+    """Rows of harmless cells as CSV. One in which a formula would stand behind a semicolon, the separator of many
+    spreadsheets, has quotation marks."""
+    text = io.StringIO()
+    # No harmless cell has a return: one at its end has the writer quote it, and goes again.
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerows([f"{cell}\r" if ";" in cell and _BEHIND.search(cell) else cell for cell in row] for row in rows)
+    return text.getvalue().replace("\r", "").encode()
 
 
 OF_RECORD = (
