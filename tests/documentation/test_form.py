@@ -14,7 +14,7 @@ WORDS = {
     ".github/SECURITY.md": 200,
     ".github/paper/paper.md": 1750,
     "README.md": 1300,
-    "CHANGELOG.md": 1750,
+    "CHANGELOG.md": 1850,
     "cli/README.md": 5500,
     "configs/README.md": 3500,
     "records/README.md": 1300,
