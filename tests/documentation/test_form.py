@@ -11,6 +11,7 @@ from tdint_cli.main import COMMANDS, cli
 WORDS = {
     ".github/CODE_OF_CONDUCT.md": 150,
     ".github/CONTRIBUTING.md": 525,
+    ".github/PULL_REQUEST_TEMPLATE.md": 100,
     ".github/SECURITY.md": 200,
     ".github/paper/paper.md": 1750,
     "README.md": 1300,
