@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
