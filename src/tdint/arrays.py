@@ -1,8 +1,10 @@
-"""The type of arrays of numbers, and how an interval is halved."""
+"""The type of arrays of numbers, how an interval is halved, and values that are found once."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,3 +26,20 @@ def halved(below: Callable[[float], bool], low: float, high: float, times: int) 
             break
         low, high = (middle, high) if below(middle) else (low, middle)
     return low, high
+
+
+if TYPE_CHECKING:
+    from functools import cached_property as cached_property
+else:
+
+    class cached_property(functools.cached_property):  # noqa: N801  it stands for that of Python
+        """Without the lock that Python before 3.12 has for it: a child that is forked while another thread holds it
+        would wait for ever. Two threads may both find a value; the values are the same."""
+
+        def __get__(self, instance, owner=None):
+            if instance is None:
+                return self
+            kept = vars(instance)
+            if self.attrname not in kept:
+                kept[self.attrname] = self.func(instance)
+            return kept[self.attrname]

@@ -1,11 +1,13 @@
 """Single frequencies of tall buildings against their closed form, and what does not fit into memory."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
 
 from building_cases import model, story
+from tdint.arrays import cached_property
 from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, RayleighRatio
@@ -41,3 +43,29 @@ def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
         ModelError, match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give"
     ):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
+
+
+def test_what_is_found_once_holds_no_lock_that_a_forked_child_inherits():
+    """While a thread is within the finding others find theirs, as a forked child must."""
+
+    class Slow:
+        def __init__(self):
+            self.begun, self.go_on = threading.Event(), threading.Event()
+
+        @cached_property
+        def value(self):
+            self.begun.set()
+            self.go_on.wait(20.0)
+            return 1
+
+    one, other = Slow(), Slow()
+    other.go_on.set()
+    thread = threading.Thread(target=lambda: one.value)
+    thread.start()
+    one.begun.wait()
+    found = threading.Thread(target=lambda: other.value)  # of another instance: one lock for all of them before 3.12
+    found.start()
+    found.join(5.0)
+    assert vars(other).get("value") == 1
+    one.go_on.set()
+    thread.join()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
 from tdint.analysis.spectra.elastic import spectrum
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, RecordError, UsageError, did_you_mean
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal

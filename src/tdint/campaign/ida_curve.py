@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +14,7 @@ from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
 from tdint.analysis.run.outcome import UNSTABLE, FailedRun
 from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.analysis.run.together import Subject
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import Batch, Run, RunRow
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record

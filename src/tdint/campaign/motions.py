@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion

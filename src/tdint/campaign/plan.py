@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.together import Subject
+from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep

@@ -8,10 +8,10 @@ import sqlite3
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
+from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, RunRow
 from tdint.campaign.buildings import Buildings, model_files, output_units, plugin_files

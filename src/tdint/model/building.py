@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
@@ -234,6 +233,7 @@ def assemble(model: Model) -> Building:
         linear_terms[at.MASS, :n],
         law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
         linear_terms[at.LINK, :n],
+        linear_terms[at.GEOMETRIC, :n],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     modal = add_damping(linear_terms, law_parameters[at.STIFFNESS, :n], model, vibration)

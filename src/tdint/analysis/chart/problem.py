@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import astuple, dataclass, fields, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file
 from tdint.ground_motion.record import Record

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -39,6 +38,7 @@ from tdint.analysis.chart.work_precision import (
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.run.outcome import FailedRun, StoryPeaks
 from tdint.analysis.run.workspace import Steps
+from tdint.arrays import cached_property
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse

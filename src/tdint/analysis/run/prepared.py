@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +28,7 @@ from tdint.analysis.run.workspace import (
     unsuited,
     workspace,
 )
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at

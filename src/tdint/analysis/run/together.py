@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import Steps
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.ground_motion.record import Record
 from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
 from tdint.methods.catalogue import parse

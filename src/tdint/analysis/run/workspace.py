@@ -8,13 +8,12 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, halved
+from tdint.arrays import Array, cached_property, halved
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
@@ -140,6 +139,8 @@ LOOKED_AT: set[Kernel] = set()
 """Steps of plug-ins that this process has executed in plain Python, or need not, for somebody does it now."""
 
 _ONE_AT_A_TIME = threading.RLock()
+if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it has not
+    os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
 
 def look_at_once(integrator: Integrator) -> None:

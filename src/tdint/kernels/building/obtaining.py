@@ -32,6 +32,8 @@ _SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}  # by the number of laws, 3 for all that ar
 
 _ONE_AT_A_TIME = threading.Lock()
 """LLVM loads objects into a process, and may not be asked to by two threads at once."""
+if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it has not
+    os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
 
 def obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
