@@ -263,7 +263,10 @@ def _aim(request: ScaleRequest) -> Any:
     else:
         grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
     periods = grid.values()
-    target.at(periods)
+    try:
+        target.at(periods)
+    except UsageError as error:
+        raise UsageError(f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT") from None
     if target.damping is not None and abs(target.damping - request.damping) > 1e-9:
         raise UsageError(
             f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "

@@ -8,6 +8,7 @@ import re
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -198,6 +199,14 @@ class _FieldRows:
     value: array[float] = field(default_factory=lambda: array("d"))
     line: array[int] = field(default_factory=lambda: array("i"))
 
+    def add(self, site: int, event: int, record: int, value: float, line: int) -> None:
+        """Take a row."""
+        self.site.append(site)
+        self.event.append(event)
+        self.record.append(record)
+        self.value.append(value)
+        self.line.append(line)
+
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
         """Site, event, record and value."""
         site, event, record = (np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record))
@@ -250,10 +259,19 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
     # Faults are gathered up to a number, so that one look at the file mends them all.
-    rows, faults = _FieldRows(sites), list[str]()
+    rows, faults, pick = _FieldRows(sites), list[str](), itemgetter(*at)
     for line, cells in lines:
         if len(faults) >= _MOST_FAULTS:
             break
+        # Almost all rows have names that stood before and a number: taken as they are, in two thirds of the time.
+        if len(cells) == width:
+            event_name, record, place, component, other, text = pick([*cells, ""])
+            at_site, of_event = sites.get(place, -1), rows.events.get(event_name, -1)
+            of_record = rows.records.get((record, component, other), -1)
+            factor = number(text) if text else math.nan
+            if min(at_site, of_event, of_record) >= 0 and (factor > 0.0 or (factor < 0.0 and not measure)):
+                rows.add(at_site, of_event, of_record, unit * factor, line)
+                continue
         if table.overfull(cells):
             faults.append(f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
             continue
@@ -275,11 +293,13 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
         # Names become numbers, 24 bytes a row.
         else:
-            rows.site.append(sites.setdefault(place, len(sites)))
-            rows.event.append(rows.events.setdefault(event_name, len(rows.events) + 1))
-            rows.record.append(rows.records.setdefault((record, component, other), len(rows.records)))
-            rows.value.append(unit * factor)
-            rows.line.append(line)
+            rows.add(
+                sites.setdefault(place, len(sites)),
+                rows.events.setdefault(event_name, len(rows.events) + 1),
+                rows.records.setdefault((record, component, other), len(rows.records)),
+                unit * factor,
+                line,
+            )
     faults += rows.twice(file)
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
