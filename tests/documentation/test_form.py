@@ -15,7 +15,7 @@ WORDS = {
     ".github/SECURITY.md": 200,
     ".github/paper/paper.md": 1750,
     "README.md": 1300,
-    "CHANGELOG.md": 1750,
+    "CHANGELOG.md": 1850,
     "cli/README.md": 5500,
     "configs/README.md": 3500,
     "records/README.md": 1300,
@@ -24,17 +24,17 @@ WORDS = {
     "src/tdint/README.md": 2700,
     "src/tdint/analysis/spectra/README.md": 950,
     "src/tdint/campaign/MACHINES.md": 700,
-    "src/tdint/campaign/README.md": 3500,
+    "src/tdint/campaign/README.md": 3550,
     "src/tdint/kernels/README.md": 600,
     "src/tdint/kernels/laws/README.md": 1600,
-    "src/tdint/methods/README.md": 3000,
-    "tests/README.md": 6000,
+    "src/tdint/methods/README.md": 3600,
+    "tests/README.md": 5400,
     "tests/benchmarks/README.md": 1500,
     "tests/validation/README.md": 4500,
 }
 """Most words of each page, tables and generated parts included."""
 
-ALL_WORDS = 40_000
+ALL_WORDS = 40_200
 
 
 def named(path):

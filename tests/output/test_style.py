@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tdint.output.figures.style import add_legend, add_ratio_axis, legend_columns, scaled_unit, write_labels
+from tdint.analysis.chart.profiles import METHODS
+from tdint.methods.catalogue import catalogue
+from tdint.output.figures.style import (
+    add_legend,
+    add_ratio_axis,
+    legend_columns,
+    method_looks,
+    scaled_unit,
+    write_labels,
+)
 from tdint.units import SI, parse_output_units
 
 
@@ -64,3 +73,12 @@ def test_ratios_to_a_height_stand_on_top():
     assert top._functions[1](2.0) == pytest.approx(0.06)
     add_ratio_axis(axes, np.nan, "none")
     assert axes.child_axes == [top]
+
+
+def test_a_method_looks_the_same_in_all_pictures_and_like_no_other():
+    """Parameters and other programs have what is left; a method that stands alone, or among others, is no other one."""
+    lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]
+    looks = method_looks(lines)
+    assert len({(looks[line]["color"], looks[line]["marker"]) for line in lines}) == len(lines)
+    assert all(method_looks([name])[name] == looks[name] for name in catalogue())
+    assert len({looks[name]["color"] for name in METHODS}) == len(METHODS)

@@ -49,10 +49,11 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
     counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
     """
-    from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
+    from tdint.analysis.assessment.failures import attempt, compile_for, find_problems, usual_methods
 
     integrators = options.analysis.integrators(methods) if methods else usual_methods()
     named_problems = find_problems(problems or ())
+    compile_for(integrators, named_problems)
     trials = [
         trial for problem in named_problems for integrator in integrators for trial in attempt(integrator, problem)
     ]

@@ -62,7 +62,7 @@ class Request:
     "tdint rerun loop.json",
     "tdint rerun loop.json --changed -o again",
     exits={
-        2: "inputs are not those of then, something needs --trust, or the file says no command line",
+        2: "other inputs, something needs --trust, or no command line in the file",
         5: "a table is not the same, or nothing could be compared",
     },
 )

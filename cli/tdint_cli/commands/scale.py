@@ -109,7 +109,7 @@ class ScaleRequest(RecordsRequest):
         type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa at the period --at: 0.6g."
     )
     sa_avg: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa_avg about the period --at."
+        type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at."
     )
     at: float | None = options.option(
         type=Number(0.0, min_open=True), metavar="SECONDS", common=True, help="Period of --sa and --sa-avg."
@@ -299,7 +299,10 @@ def _aim(request: ScaleRequest) -> Any:
     else:
         grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
     periods = grid.values()
-    target.at(periods)
+    try:
+        target.at(periods)
+    except UsageError as error:
+        raise UsageError(f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT") from None
     if target.damping is not None and abs(target.damping - request.damping) > 1e-9:
         raise UsageError(
             f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "

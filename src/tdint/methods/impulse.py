@@ -1,12 +1,30 @@
-"""The impulse-momentum method as published in 2022, with its free number beta.
+"""The impulse-momentum method as published in 2022, with its free number beta, line by line as the paper has it.
 
-    kinematics  M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
-    momentum    M (v1 - v0) + C (u1 - u0) + K q = h/2 (p0 + p1)
-    q = h [72 beta u0 + (1 - 72 beta) u1 + h (48 beta - 1/4) v0 + h (24 beta - 1/4) v1 + h^2 (12 beta - 1/12) a0]
+    eqs. 11, 12   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)                 displacement quartic over the step
+    eq. 13        M (v1 - v0) + C (u1 - u0) + K q = I                                impulse is change of momentum
+    eq. 14        q = h [72 beta u0 + (1 - 72 beta) u1 + h (48 beta - 1/4) v0 + h (24 beta - 1/4) v1
+                         + h^2 (12 beta - 1/12) a0]                                  integral of u over the step
+    eqs. 15-23    these lines and equilibrium at the end, M a1 + C v1 + K u1 = p1, solved for u1, v1 and a1
+    eqs. 46-54    K q is f0 h + K_T(u1) (q - u0 h), on the drift of each story; equilibrium with f(u1)
 
-a0 and a1 follow from equilibrium. The paper's eqs. (15)-(23) are these lines solved with a division by
-m h^2/6 - k h^4/72, which is zero at omega h = sqrt(12); the lines themselves have no such division. For a nonlinear law
-K q is f0 h + K_T(u1) (q - h u0) (eqs. 46-54): the tangent at the end of the step, on the drift of each story.
+| paper | here |
+|---|---|
+| q, eq. 14 | `q` in `_end`; here less u0 h |
+| I, eq. 13 | `work[IMPULSE]`: h/2 (p0 + p1), as published (`_loads`) |
+| beta, 1/144 | `coefficients[BETA]` |
+| k_T, eq. 46 | `tangent` in `_end`, at the end of the step |
+| k_x u1 = p_x, eqs. 17-21 | the Newton matrix (`_factor`) and minus the residuals (`residuals`): u1 and v1 together |
+| a1, eq. 16 | none: the number m h^2/6 - k h^4/72, which the paper divides by to eliminate the jerk |
+
+That number is zero at omega h = sqrt(12); the lines above, solved for u1 and v1, have no such division. The paper as
+printed, with the division, is `tests/as_printed.py`: the same motion to rounding.
+
+Misprints: eq. 11 is for the increment of the jerk and misses powers of dt; eq. 12 has 12 du/dt^2, not 2; eq. 14 has
+a0 h^3/6, j0 h^4/24, v0 h^2/2; eq. 16 is a1 = -(-m h^2/6 + k h^4/24 - 4 k beta h^4); eq. 20 has I h^2/(6 a1) in its
+second block; eq. 29 and the appendix have wrong powers, their denominator is W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2
++ 144 xi W + 144, W = omega dt; eqs. 36 and 37 miss the 2 of eq. 31; eq. 40 is half of the numerical damping; eqs. 44
+and 45 hold for xi = 1 alone, with 288 for 228; eq. 49's second m is c; eq. 54 is eq. 16 with k_T. Of Wilson's method
+the conclusions say order 1: it is 2.
 """
 
 from __future__ import annotations
@@ -46,7 +64,8 @@ _ROW, _STORE = at.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 @kernel(STEP)
 def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
-    """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
+    """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the
+    tangent left out of the matrix."""
     n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
     factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
@@ -55,16 +74,19 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     iterations = 0
     last = False
     while True:
-        stale = _end(coefficients, linear_terms, law_parameters, h, memory)
+        stale = _end(coefficients, linear_terms, law_parameters, h, memory)  # eqs. 14 and 46
+        # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of balance
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, _BY_A, linear_terms, h, state, work, report) or last:
+        balanced = in_balance(iterations == ITERATIONS, _BY_A, linear_terms, h, state, work, report)
+        if last or (balanced and iterations == ITERATIONS):
             break
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, linear_terms, modal, h, factors)
             report[at.FACTORED_STEP] = h
-        last = correct(_BY_A, modal, h, factors, n) or flags[at.LINEAR] != 0.0
+        # One correction beyond balance: the published equations to rounding, where balance alone leaves 1e-11.
+        last = correct(_BY_A, modal, h, factors, n) or balanced or flags[at.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
         state[at.DISPLACEMENT, i] += work[momentum.DU, i]
@@ -76,7 +98,7 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
 
 @inlined
 def _loads(linear_terms, forces, h, load, work):
-    """Load at the end of the step, and its impulse by the trapezoidal rule, as published."""
+    """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq. 13)."""
     floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
     floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
     for i in range(linear_terms.shape[1] - 1):
@@ -98,7 +120,7 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         du = work[momentum.DU, i]
         u = state[at.DISPLACEMENT, i] + du
         v = state[at.VELOCITY, i] + work[momentum.DV, i]
-        q = h * (
+        q = h * (  # eq. 14 less u0 h
             (1.0 - 72.0 * beta) * du
             + h * ((48.0 * beta - 0.25) * state[at.VELOCITY, i] + (24.0 * beta - 0.25) * v)
             + h * h * (12.0 * beta - 1.0 / 12.0) * state[at.ACCELERATION, i]
@@ -114,6 +136,7 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         v_below = v
         du_below = du
         q_below = q
+        # Equilibrium has f(u1); the momentum f0 h + k_T (q - u0 h), eq. 46.
         tangent = restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         work[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
@@ -141,8 +164,10 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         work[_ROW.FACTORED, i] = work[_ROW.TANGENT, i]
         tangent = work[_ROW.TANGENT, i] + linear_terms[at.GEOMETRIC, i]
         damper = linear_terms[at.STORY_DAMPER, i]
+        # Kinematics by u1 and v1, with a1 from equilibrium (eqs. 11, 12)
         work[_ROW.COUPLING, i] = -by_a * tangent
         work[_ROW.COUPLING + 1, i] = -by_a * damper
+        # Momentum by u1 and v1: C and k_T times the derivatives of q (eqs. 13, 14)
         work[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         work[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)

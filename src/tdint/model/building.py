@@ -233,6 +233,7 @@ def assemble(model: Model) -> Building:
         linear_terms[at.MASS, :n],
         law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
         linear_terms[at.LINK, :n],
+        linear_terms[at.GEOMETRIC, :n],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     modal = add_damping(linear_terms, law_parameters[at.STIFFNESS, :n], model, vibration)

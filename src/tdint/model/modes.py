@@ -115,15 +115,19 @@ class FreeVibration:
     ----------
     mass, stiffness, link : ndarray, shape (n,)
         Masses (kg), springs to the floor below (N/m), and 1 for those that stand on it, 0 for those on the ground.
+    geometric : ndarray, shape (n,), optional
+        The part of the springs that P-delta has, N/m, for what an error says.
     """
 
     mass: Array
     stiffness: Array
     link: Array
+    geometric: Array | None = None
 
     @cached_property
     def modes(self) -> Modes:
         """All modes; errors are those of `solve_modes`."""
+        _check_springs(self.stiffness, self.geometric)
         return solve_modes(self.mass, self.stiffness, self.link)
 
     def frequency(self, number: int) -> float:
@@ -136,7 +140,7 @@ class FreeVibration:
         """
         if self.mass.size <= _FEW:
             return float(self.modes.omega[number - 1])
-        _check_springs(self.stiffness)
+        _check_springs(self.stiffness, self.geometric)
         return singular_value(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
 
     @cached_property
@@ -151,7 +155,7 @@ class FreeVibration:
         ModelError
             A spring that is not positive.
         """
-        _check_springs(self.stiffness)
+        _check_springs(self.stiffness, self.geometric)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
         for _ in range(_MOST_ITERATIONS):
             force = self.mass * shape
@@ -192,7 +196,14 @@ _SMALLEST = float(np.finfo(float).tiny)
 """Tolerance of the bisection: it goes on to the last bit."""
 
 
-def _check_springs(stiffness: Array) -> None:
+def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     weak = np.flatnonzero(stiffness <= 0.0)
-    if weak.size:
-        raise ModelError(f"story {weak[0] + 1}: P-delta exceeds the initial stiffness; the building cannot stand")
+    if not weak.size:
+        return
+    i, both = int(weak[0]), ""
+    if geometric is not None:
+        both = f", {-geometric[i]:.4g} beside {stiffness[i] - geometric[i]:.4g} N/m"
+    raise ModelError(
+        f"story {i + 1}: P-delta exceeds the initial stiffness{both}; the building cannot stand: are the units of "
+        "mass, height and stiffness right? Else give the story more stiffness, or p_delta: false"
+    )

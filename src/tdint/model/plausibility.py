@@ -64,7 +64,7 @@ HEIGHT = Usual(
     1.5,
     15.0,
     _METERS,
-    "below it nobody stands, above it a hall ends: is the unit of length right?",
+    "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
 )
 FLOOR = Usual(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
@@ -77,6 +77,14 @@ STRENGTH = Usual(
     "{:.3g}",
     "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
 )
+BASE_STRENGTH = Usual(
+    "base shear at yield over the weight", 0.03, 3.0, "{:.3g}",
+    "codes ask for 0.03 to 0.3: do the stiffness and the yield force belong to so many stories?",
+)  # fmt: skip
+STEP = Usual(
+    "steps in a fundamental period", 10.0, math.inf, "{:.3g}",
+    "a tenth of the period leaves peaks several percent off: name a smaller analysis.dt",
+)  # fmt: skip
 COLLAPSE = Usual(
     "collapse_drift", 0.0, 0.20, "{:.3g}", "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1"
 )
@@ -124,6 +132,25 @@ def unusual_floors(building: Building) -> list[str]:
     without heights of stories may be of a laboratory or a textbook."""
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
+
+
+def unusual_runs(model: Model, building: Building, dt: float | None) -> list[str]:
+    """A line each, for `tdint check`, on a time step (s) that is long beside the fundamental period, and on a base
+    shear at yield that no code asks for; isolators yield early, and what has no height is no building."""
+    period = 2.0 * math.pi / building.first_mode()[0]
+    told = []
+    if dt is not None and not STEP.holds(period / dt):
+        told.append(
+            f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, usual: at least "
+            f"{STEP.text(STEP.low)} ({STEP.reason})"
+        )
+    first = model.stories[0]
+    strength = building.yield_drift[0] * first.stiffness / (STANDARD_GRAVITY * building.mass.sum())
+    # Below a part that wind alone would exceed every story is told already.
+    judged = math.isfinite(building.heights[0]) and STRENGTH.holds(strength)
+    if judged and not BASE_STRENGTH.holds(strength):
+        told.append(BASE_STRENGTH.told(BASE_STRENGTH.text(strength)))
+    return told
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:

@@ -56,11 +56,16 @@ LEFT_OUT = (
 def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
     """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta."""
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
+    yields = any(story.isolator for story in model.stories)
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s with {100.0 * damping:.3g} % damping, "
+        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s{_BEFORE * yields} with "
+        f"{100.0 * damping:.3g} % damping, "
         f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
     return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
+
+
+_BEFORE = " (before the isolators yield)"
 
 
 def damping_words(model: Model) -> str:

@@ -7,18 +7,10 @@ import pytest
 
 from tdint.analysis.assessment.paper_examples import examples
 from tdint.analysis.assessment.stability import critical_step, stability
-from tdint.analysis.run.workspace import amplification
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
 DAMPINGS = (0.0, 0.02, 0.05, 0.2)
-
-
-@pytest.mark.parametrize("damping", DAMPINGS)
-@pytest.mark.parametrize(("method", "limit"), [("central-difference", 2.0), ("newmark-linear", math.sqrt(12.0))])
-def test_damping_does_not_relax_the_limits(method, limit, damping):
-    """Conclusion 2. The damping of the step's end is implicit: with gamma = 1/2 it leaves the limit where it is."""
-    assert critical_step(parse(method), damping) == pytest.approx(limit, rel=1e-6)
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)
@@ -63,16 +55,3 @@ def test_the_first_frequency_of_example_3():
     measured = math.sqrt(np.linalg.eigvalsh(building.stiffness_matrix() / building.mass[0])[0])
     assert measured == pytest.approx(exact, rel=1e-9)
     assert exact == pytest.approx(0.0330, abs=5e-5)
-
-
-@pytest.mark.parametrize("damping", DAMPINGS)
-@pytest.mark.parametrize("w", [0.3, 2.0, math.sqrt(12.0), 40.0])
-def test_the_denominator_of_the_appendix(damping, w):
-    """W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144 with W = omega dt; the determinant has -xi above it."""
-
-    def polynomial(xi):
-        return w**4 + 12.0 * xi * w**3 + (12.0 + 48.0 * xi**2) * w**2 + 144.0 * xi * w + 144.0
-
-    matrix = amplification(parse("impulse"), np.array([w]), np.array([damping]), 1.0)[0]
-    moving = [value for value in np.linalg.eigvals(matrix) if abs(value) > 1e-9]  # those of what it remembers are zero
-    assert np.prod(moving) == pytest.approx(polynomial(-damping) / polynomial(damping), rel=1e-10)

@@ -12,8 +12,12 @@ import numpy as np
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
+from tdint.analysis.run.workspace import LINEAR_OSCILLATORS, kernels
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
+from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.compiling import Kernel
 from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
@@ -461,12 +465,27 @@ def failures(
     integrators = usual_methods() if methods is None else chosen(methods)
     hard = find_problems(problems)
     pairs = [(problem, method) for problem in hard for method in integrators]
+    compile_for(integrators, hard)
     trials: list[Trial] = []
     with told_progress(progress, len(pairs), "trial") as told:
         for done, (problem, method) in enumerate(pairs, start=1):
             trials += attempt(method, problem)
             told(done, len(pairs))
     return Several(trials)
+
+
+def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:
+    """Load the time loops of all trials, compiled together, and told once, if they are not yet."""
+    needed: list[tuple[Kernel, Variant]] = []
+    for problem in hard:
+        prepared = PreparedBuilding.of(problem.model)
+        reference = [] if prepared.building.linear else [parse("gauss4")]
+        for integrator in [*integrators, *reference]:
+            if not integrator.family.linear_only or prepared.building.linear:
+                needed += kernels(integrator, prepared.variant)
+                if integrator.stability_limit < math.inf:  # whether a step is too long is seen on oscillators
+                    needed.append((integrator.family.step, LINEAR_OSCILLATORS))
+    obtain(list(dict.fromkeys(needed)))
 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:

@@ -15,7 +15,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
-from tdint.model.plausibility import doubts, unusual_floors
+from tdint.model.plausibility import doubts, unusual_floors, unusual_runs
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -98,11 +98,11 @@ def overview(source: str | Path) -> Overview:
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
     # The ground motion that it names, processed and scaled; standard input is not read for a look.
-    pga, source_of_record = math.nan, model.excitation.record
-    if source_of_record is not None and source_of_record.file != "-":
-        record = model_record(model)
-        pga = record.pga if record else math.nan
-    period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual_floors(building))
+    pga, dt, source_of_record = math.nan, model.analysis.dt, model.excitation.record
+    if source_of_record is not None and source_of_record.file != "-" and (record := model_record(model)):
+        pga, dt = record.pga, dt or record.dt
+    unusual = (*unusual_floors(building), *unusual_runs(model, building, dt))
+    period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual)
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 
 

@@ -17,14 +17,14 @@ from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
 from tdint.output.figures.style import (
     COLORS,
+    DASHES,
     LIGHT,
-    MARKERS,
     NARROW,
     add_legend,
     add_title,
     is_narrow,
     legend_columns,
-    line_look,
+    method_looks,
     plain_minor_numbers,
     plain_numbers,
     write_labels,
@@ -166,13 +166,12 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     several."""
     number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
-    styles = []
+    looks, styles = method_looks(methods), []
     for method, ratio in zip(methods, dampings, strict=True):
         i = number[method]
-        dash = ratios[ratio] if len(ratios) > 1 else i
-        style = line_look(i, dash) | {"markersize": 3.5}
-        if len(number) > 4 or (len(number) > 1 and len(ratios) > 1):
-            style |= {"marker": MARKERS[i % len(MARKERS)], "markevery": (0.025 * (i % 8), 0.2)}
+        style = looks[method] | {"markersize": 3.5, "markevery": (0.025 * (i % 8), 0.2)}
+        if len(ratios) > 1:
+            style["linestyle"] = DASHES[ratios[ratio] % len(DASHES)]
         styles.append(style)
     return styles
 
@@ -457,7 +456,7 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
-    for i, line in enumerate(lines):
+    for line, style in _styles(lines).items():
         # Of each size the point whose step is closest to the record's.
         closest: list[tuple[_Drawing, Point]] = []
         for drawing in drawings:
@@ -467,8 +466,8 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
                 closest.append((drawing, min(points, key=lambda point: abs(math.log(point.dt / interval)))))
         stories = [drawing.chart.stories for drawing, _ in closest]
         step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in closest]
-        handles += cost.plot(stories, step_cost, **_style(i, line))
-        accuracy.plot(stories, [drawing.error(point) for drawing, point in closest], **_style(i, line))
+        handles += cost.plot(stories, step_cost, **style)
+        accuracy.plot(stories, [drawing.error(point) for drawing, point in closest], **style)
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
         plain_numbers(axes.xaxis)
@@ -541,11 +540,11 @@ class _Drawing:
         return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
 
 
-def _style(i: int, line: str) -> dict[str, Any]:
+def _styles(lines: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Dashes and markers that tell lines apart without color; open markers for other programs."""
-    look = line_look(i)
-    face = "white" if PEER in line else look["color"]
-    return look | {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": face}
+    looks = method_looks(lines)
+    faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
+    return {line: looks[line] | {"markersize": 4.5, "markerfacecolor": faces[line]} for line in lines}
 
 
 def _draw_costs(drawing: _Drawing, name: str) -> Figure:
@@ -553,10 +552,11 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     axes = figure.subplots()
     # The front lies under all lines, as a band; a line has marks at its points, and a triangle below the gap.
     front = drawing.front()
-    axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
+    (band,) = axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
     handles = []
-    for i, (line, points) in enumerate(drawing.lines.items()):
-        style = _style(i, line)
+    styles = _styles(list(drawing.lines))
+    for line, points in drawing.lines.items():
+        style = styles[line]
         compared, below = drawing.known(points), drawing.below(points)
         axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
         axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
@@ -576,7 +576,7 @@ def _draw_costs(drawing: _Drawing, name: str) -> Figure:
     if drawing.versus == "time" and chart.peers:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
-    add_legend(figure, axes, handles, list(drawing.lines), NARROW)
+    add_legend(figure, axes, [*handles, band], [*drawing.lines, "the best at each error"], NARROW)
     add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
     shown = drawing.shown()
@@ -626,11 +626,12 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
     handles, labels = [], []
-    for i, (line, points) in enumerate(drawing.lines.items()):
+    styles = _styles(list(drawing.lines))
+    for line, points in drawing.lines.items():
         compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
         if compared:
             handles += axes.plot(
-                [point.dt for point in compared], [drawing.error(point) for point in compared], **_style(i, line)
+                [point.dt for point in compared], [drawing.error(point) for point in compared], **styles[line]
             )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)

@@ -30,6 +30,7 @@ from tdint.output.figures.style import (
     changed,
     is_narrow,
     line_look,
+    method_looks,
     over_stories,
     plain_numbers,
     record_name,
@@ -507,7 +508,7 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
-    looks = {line: _profile_look(number, line) for number, line in enumerate(chart.lines)}
+    looks = method_looks(chart.lines)
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
@@ -516,7 +517,9 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems
             x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
-            (handles[profile.method],) = axes.step(x, y, where="post", **looks[profile.method])
+            look: dict[str, Any] = {"markersize": 3.5, "markevery": 0.2, "linewidth": _BOLD.get(profile.method, 1.0)}
+            look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
+            (handles[profile.method],) = axes.step(x, y, where="post", **looks[profile.method], **look)
         count = max(profile.problems for profile in shown)
         axes.set_title(f"error within {100.0 * tolerance:g} % ({how_many(count, 'problem')})")
         axes.set(xscale="log", xlim=(1.0, _LARGEST_RATIO), ylim=(0.0, 1.03))
@@ -547,12 +550,3 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
         legend.get_title().set_multialignment("center")
     add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
     return figure
-
-
-def _profile_look(number: int, line: str) -> dict[str, Any]:
-    """Color and dashes; ours and the usual one wide and solid, of other programs grey."""
-    if line in _BOLD:
-        place = list(_BOLD).index(line)
-        return {"color": ("#b03a2e", COLORS[0], "black")[place], "linestyle": "-", "linewidth": _BOLD[line]}
-    look = line_look(number, number // len(COLORS) + 1) | {"linewidth": 1.0}
-    return look | ({"color": LIGHT} if PEER in line else {})

@@ -449,7 +449,7 @@ def _finish_row(
     lost = sum(profile.collapsed + profile.failed for profile in profiles)
     if lost:
         runs = sum(profile.runs for profile in profiles)
-        drifts.set_title(f"{lost} of {runs} collapsed or failed, in no line", loc="left", fontsize=8.0)
+        drifts.set_title(f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0)
     most = max(profile.height.size for profile in profiles)
     for panel in axes:
         panel.set_ylim(0.5, most + 0.5)

@@ -87,6 +87,17 @@ MARK = "#b03a2e"
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "x")
+METHOD_COLORS = (
+    *("#1f4e79", "#d1782c", "#000000", "#26664d", "#d90059", "#9980ff"),
+    *("#59261a", "#7373a6", "#0000f2", "#660040", "#8c400d", "#7d7d7d"),
+)
+"""At least 13.7 apart (CIEDE2000) for readers who see no green, or no red, and 3.05 from white in contrast."""
+_METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
+_PLACES = (
+    *("impulse4", "moment4", "newmark-average", "gauss4", "newmark-linear", "central-difference", "hht"),
+    *("generalized-alpha", "wilson", "bathe", "impulse", "exact"),
+)
+"""Methods that stand in one picture most often: a color each."""
 NARROW = 31
 """Characters of a label up to which those of methods stand in three columns."""
 
@@ -127,6 +138,21 @@ def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
     """Color and dashes of a line by its number, to be told apart without color; another number for the dashes."""
     dash = number if dash is None else dash
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
+
+
+def method_looks(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue at a place of their
+    own, plug-ins behind them; of what has parameters, or is another program's, those that are left, in their order."""
+    from tdint.methods.catalogue import catalogue
+
+    named = list(dict.fromkeys((*_PLACES, *catalogue())))
+    others = [method for method in dict.fromkeys(methods) if method not in named]
+    looks = {}
+    for place, method in enumerate((*named, *others)):
+        # Twelve colors and eleven markers: no pair of them comes twice among 132.
+        color, marker = METHOD_COLORS[place % len(METHOD_COLORS)], _METHOD_MARKERS[place % len(_METHOD_MARKERS)]
+        looks[method] = {"color": color, "linestyle": DASHES[place % len(DASHES)], "marker": marker}
+    return looks
 
 
 def picture_format(suffix: str) -> str:
