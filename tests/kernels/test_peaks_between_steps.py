@@ -7,7 +7,7 @@ import pytest
 
 from tdint.kernels import layout as at
 from tdint.kernels.march.observing import _raise_ends, look_between, observe
-from tdint.kernels.march.peaks_between_steps import _extreme_of_cubic, look_within
+from tdint.kernels.peaks_between_steps import _extreme_of_cubic, look_within
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
 
 STORIES = 4

@@ -22,7 +22,7 @@ from tdint.kernels.equations.impulse4 import FACTORS, ROW, factor_rows, join, lo
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
-from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
+from tdint.kernels.peaks_between_steps import look_within, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
 from tdint.kernels.stories.law_state import commit, reach, resume, settle

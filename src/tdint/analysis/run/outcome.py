@@ -127,7 +127,7 @@ class StoryPeaks(Tabular, StoryValues):
 
     All are looked for between the steps too, on the quintic through displacement, velocity and acceleration at both
     ends of a step, or of each piece of it between two changes of branch that the method locates
-    (`tdint.kernels.march.peaks_between_steps`), or at those that its paths tell (`tdint.kernels.equations.corners`).
+    (`tdint.kernels.peaks_between_steps`), or at those that its paths tell (`tdint.kernels.equations.corners`).
 
     Attributes
     ----------

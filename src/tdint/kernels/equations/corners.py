@@ -13,7 +13,7 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.moment4 import MOST_CORNERS, ROW
 from tdint.kernels.laws.choosing import CURVES
 from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
-from tdint.kernels.march.peaks_between_steps import raise_at_nodes, raise_peak
+from tdint.kernels.peaks_between_steps import raise_at_nodes, raise_peak
 from tdint.kernels.stepping import Integrals, Stretch
 from tdint.kernels.stories import path
 

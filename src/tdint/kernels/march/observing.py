@@ -9,7 +9,7 @@ from typing import NamedTuple
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import I8, TABLE, VECTOR, called, called_at, inlined, kernel
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
-from tdint.kernels.march.peaks_between_steps import bulge, look_within, may_be_fastest, may_bulge, may_pass, raise_peak
+from tdint.kernels.peaks_between_steps import bulge, look_within, may_be_fastest, may_bulge, may_pass, raise_peak
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import dissipated, reach, recoverable, start
 
