@@ -118,7 +118,8 @@ def test_what_is_refused(folder: Path, tdint: Command, arguments: tuple[Any, ...
 
 def test_long_steps_and_weak_bases_are_told(folder: Path, tdint: Command) -> None:
     """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not of an isolator."""
-    story = "stories: [{{mass: 1e5, height: 3, stiffness: 1e8, law: {{type: bilinear, yield_force: {0}, hardening: 0.02}}{1}}}]\n"
+    law = "{{type: bilinear, yield_force: {0}, hardening: 0.02}}"
+    story = f"stories: [{{{{mass: 1e5, height: 3, stiffness: 1e8, law: {law}{{1}}}}}}]\n"
     period = 2.0 * 3.141592653589793 * (1e5 / 1e8) ** 0.5
     for name, force, more, steps, told in (
         ("usual", 1e5, "", 11.0, None),

@@ -89,9 +89,11 @@ def model_record(model: Model) -> Record | None:
         return None
     from tdint.ground_motion.processing_steps import processed
     from tdint.ground_motion.reading.read import read_record
-    from tdint.ground_motion.reading.suites import records_of
 
-    records_of([source.file], source.choice)  # units by file must fit it
+    if isinstance(source.choice.units, Mapping):  # by file: they must fit it
+        from tdint.ground_motion.reading.suites import records_of
+
+        records_of([source.file], source.choice)
     record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record
 
@@ -151,7 +153,7 @@ def ratio_of(given: Any, name: str) -> float | None:
 def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
     """Numbers as an array of one axis. UsageError as `number_of`."""
     try:
-        masked = np.ma.getmaskarray(given).any()  # what is masked stands for no number
+        masked = np.any(getattr(given, "mask", False))  # what is masked stands for no number
         numbers = np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(given, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
