@@ -201,7 +201,7 @@ BUDGET = {
     "campaign": (25, 6150),
     "analysis": (41, 7500),
     "methods": (12, 1750),
-    "model": (21, 3600),
+    "model": (21, 3650),
     "ground_motion": (34, 4250),
     "kernels": (54, 6900),
     "ground": (12, 1650),

@@ -78,13 +78,19 @@ STRENGTH = Usual(
     "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
 )
 BASE_STRENGTH = Usual(
-    "base shear at yield over the weight", 0.03, 3.0, "{:.3g}",
+    "base shear at yield over the weight",
+    0.03,
+    3.0,
+    "{:.3g}",
     "codes ask for 0.03 to 0.3: do the stiffness and the yield force belong to so many stories?",
-)  # fmt: skip
+)
 STEP = Usual(
-    "steps in a fundamental period", 10.0, math.inf, "{:.3g}",
+    "steps in a fundamental period",
+    10.0,
+    math.inf,
+    "{:.3g}",
     "a tenth of the period leaves peaks several percent off: name a smaller analysis.dt",
-)  # fmt: skip
+)
 COLLAPSE = Usual(
     "collapse_drift", 0.0, 0.20, "{:.3g}", "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1"
 )
