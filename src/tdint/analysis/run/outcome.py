@@ -50,7 +50,7 @@ class StoryValues:
         Array,
         Quantity(
             "1",
-            "peak drift over story height",
+            "peak drift over story height; empty without one, as of isolators: awk takes it for 0",
             lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.heights,
             _TABLE,
         ),
