@@ -30,7 +30,6 @@ def record():
     [
         ("stability", {"dt_over_t": 0.1}, "method"),
         ("stability", {"method": {"bathe"}, "dt_over_t": np.array([0.1])}, "method"),
-        ("stability", {"method": "bathe", "dt_over_t": 0.1}, "dt_over_t"),
         ("stability", {"method": "bathe", "dt_over_t": np.ones((2, 2))}, "dt_over_t"),
         ("scale", {"motions": 0.1}, "motions"),
         ("first_model", {"stories": None}, "stories"),

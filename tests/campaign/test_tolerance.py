@@ -40,10 +40,10 @@ def fine() -> Rows:
     return results(Subject(OFFICE, "impulse4"), RUNS, 0.01 / 8)
 
 
-@pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.01), ("newmark-average", 0.0)])
+@pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.0099), ("newmark-average", 0.0)])
 def test_drifts_of_all_runs_are_within_the_tolerance(fine: Rows, method: str, beyond: float) -> None:
     """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own within the chosen
-    one: impulse4 goes over several samples, average acceleration below the record's step."""
+    one: impulse4 goes over samples of the finer one, average acceleration below the record's step."""
     subject = Subject(OFFICE, method)
     step = building_step(subject, RECORDS, RUNS, RunSettings(), 0.01)
     assert step is not None

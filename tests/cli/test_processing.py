@@ -46,7 +46,8 @@ def test_numbers_are_those_of_the_processed_record(folder, tdint, processed, com
     values = {"sd_m": sd, "peak_drift_ratio": sd / float(row.get("height_m", 1)), "pga_m_s2": processed.pga}
     assert float(row[column]) == pytest.approx(values[column], rel=1e-9 if "drift" in column else 5.1e-12)
     assert notes(result) == [f"other.mseed: {step}" for step in processed.processing]
-    assert "; ".join(processed.notes) in row.get("notes", "; ".join(processed.notes))
+    told = "; ".join(processed.notes).replace(",", ";")  # no comma stands in a cell of ours
+    assert told in row.get("notes", told)
     about = json.loads((folder / "out.json").read_text())
     assert about["settings"]["processing"] == {**STEPS, "trim": [0.5, 2.5], "pad": [1.0, 2.0]}
     (record,) = about["records"]

@@ -102,7 +102,7 @@ def test_a_yielded_building_comes_to_rest(method):
     whose rounding beside a lasting drift is then all that is out of balance, too."""
     response = run(ten_bilinear(), noise(), method=method, duration=60.0)
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
-    assert response.iterations < {"bathe": 2.6, "gauss4": 1.02}.get(method, 1.3) * response.steps
+    assert response.iterations < {"bathe": 2.6, "gauss4": 1.02, "impulse": 2.05}.get(method, 1.3) * response.steps
     assert response.halvings == 0
 
 

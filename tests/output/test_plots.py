@@ -95,10 +95,10 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
     drifts = profile_picture([stood, fell]).axes[0]
     assert (drifts.get_xlabel(), drifts.get_title("left")) == (
         "drift (% of height)",
-        "5 of 8 collapsed or failed, in no line",
+        "5 of 8 collapsed or failed: not drawn",
     )
     assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
-    assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed, in no line"
+    assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed: not drawn"
     both = profile_picture([stood, flat]).axes[0]
     assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
 

@@ -148,7 +148,7 @@ def test_history(monkeypatch, stories, rows_at_once):
     assert rows == [header, *([cell_text(value) for value in row] for row in zip(*columns, strict=True))]
 
 
-UNITS = ("m", "s", "m/s", "m/s^2", "N", "N/m", "J", "kg", "Hz", "degree")
+UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N/m", "J", "kg", "Hz", "degree")
 
 
 def declared():

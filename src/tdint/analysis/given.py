@@ -158,7 +158,7 @@ def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
     if numbers.ndim != 1:
-        raise UsageError(f"{name} must be numbers in a row, got {given!r:.60}")
+        raise UsageError(f"{name} must be numbers in a row, got {' '.join(repr(given).split()):.60}")
     return numbers
 
 

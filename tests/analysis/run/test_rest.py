@@ -12,7 +12,7 @@ from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Run, RunSettings
 from tdint.units import parse_output_units
 
