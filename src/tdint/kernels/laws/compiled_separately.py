@@ -133,7 +133,9 @@ def __getattr__(name: str) -> Kernel:
 
 def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
     """The kernels of the laws that stand apart: those in a table of laws, or all."""
-    codes = range(len(LAWS)) if law_parameters is None else sorted(set(law_parameters[at.CODE, :-1].astype(int).tolist()))
+    codes = (
+        range(len(LAWS)) if law_parameters is None else sorted(set(law_parameters[at.CODE, :-1].astype(int).tolist()))
+    )
     return [_kernel(code) for code in codes if LAWS[code].apart]
 
 
