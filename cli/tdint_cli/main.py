@@ -43,6 +43,7 @@ GROUPS = {
             "drift_spectrum",
             "Drift spectra: the largest story drifts of shear buildings.",
         ),
+        "match": ("match", "Ground motions whose spectra are a target's, by the least change."),
     },
     "Studies": {
         "campaign": ("campaign", "Runs of many buildings under many records at many levels."),

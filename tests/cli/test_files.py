@@ -27,6 +27,7 @@ from tdint_cli.main import cli
 from tdint_cli.options.grammar import FileName
 
 MOTION = "motion.mseed --units m/s^2 --component HNE"
+ASCE7 = "asce7:sds=1,sd1=0.6,tl=8"
 GOES_ON = {"campaign", "ida", "runs", "merge"}
 """Commands that go on with what they wrote, where others refuse it."""
 
@@ -51,6 +52,10 @@ WRITING = {
     "drift-spectrum": ("drift-spectrum MOTION --period 0.2,1 -o d.csv --plot", "d.csv d.png"),
     "campaign": ("campaign study.yaml -o out", "out/runs.csv out/stories.csv out/summary.json"),
     "merge": ("campaign merge part -o out", "out/runs.csv out/stories.csv out/summary.json"),
+    "match": (
+        f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.2:1 -o out --plot",
+        "out/matched.csv out/matched.json out/matched.png out/motion-HNE.mseed",
+    ),
     "scale": ("scale motion.mseed UNITS --pga 0.4g -o f.csv --plot", "f.csv f.json f.png"),
     "ida": (
         "ida shaken.yaml MOTION --precision 40% --max-im 1g -o out --plot",
@@ -174,6 +179,7 @@ READING = {
     "models": ("inventory town.csv --units ft --models FIFO --overwrite", 6),
     "target": ("scale motion.mseed UNITS --target FIFO", 3),
     "spectrum": ("spectrum MOTION --against FIFO", 4),
+    "match": (f"match FIFO UNITS --target {ASCE7} -o out", 4),
     "target of a spectrum": ("spectrum MOTION --target FIFO --plot=s.png", 3),
     "drift-spectrum": ("drift-spectrum FIFO UNITS", 4),
     "campaign": ("campaign FIFO -o out", 3),
@@ -283,6 +289,7 @@ KEPT_SAFE = {
     "campaign --plot": ("study.yaml", ".png", "campaign {read} -o o --plot={written}"),
     "campaign --report": ("shaken.yaml", ".html", "campaign of-it.yaml -o o --report {written}"),
     "campaign -o": ("study.yaml", ".csv", "campaign {read} -o {folder}"),
+    "match -o": ("motion.mseed", ".csv", f"match RECORD --target {ASCE7} -o o --plot={{written}}"),
     "scale -o": ("motion.mseed", ".csv", "scale RECORD --pga 0.4g -o {written}"),
     "scale --spectra": ("target.csv", ".csv", "scale MOTION --target {read} --spectra {written}"),
     "ida --plot": ("shaken.yaml", ".png", "ida {read} MOTION --precision 40% --plot={written}"),

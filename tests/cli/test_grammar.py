@@ -213,7 +213,12 @@ WORDS = {
     "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "examples": [], "overshoot": [],
     "order": [],
 }  # fmt: skip
-REQUIRED = {"inventory": ["--units", "m"], "compare": ["--recorded", "x"], "scale": ["--pga", "1g"]}
+REQUIRED = {
+    "inventory": ["--units", "m"],
+    "compare": ["--recorded", "x"],
+    "scale": ["--pga", "1g"],
+    "match": ["--target", "x", "-o", "m"],
+}
 
 
 def a_value(parameter: click.Option) -> list[str]:

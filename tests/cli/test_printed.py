@@ -235,6 +235,7 @@ def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
         stream.write(b"a picture")
 
     monkeypatch.setattr(Picture, "__call__", measured)
+    monkeypatch.setattr(Picture, "save", lambda self, figure, stream: measured(self, stream))  # of a page
     words = shlex.split(DRAWN[line])
     tdint(*words, *["--plot=a.png"] * (not {"examples", "--report"} & set(words)), code=0)
     assert found and [one for one in found if one[1]] == []

@@ -46,7 +46,7 @@ APART = {
     "methods": "writes none",
     "rerun": "writes what another one does",
     "compile": "writes objects",
-    **dict.fromkeys(("run", "compare", "campaign", "ida"), "summary.json of the folder"),
+    **dict.fromkeys(("run", "compare", "campaign", "ida", "match"), "JSON in the folder"),
     "examples": "several tables",
 }
 

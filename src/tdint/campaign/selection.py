@@ -91,6 +91,8 @@ def select(
         raise UsageError(f"the number of motions to select must be a whole number, 1 at least, got {count!r:.60}")
     if per_event is not None and per_event < 1:
         raise UsageError(f"per_event must be 1 at least, got {per_event}")
+    if events is not None and len(events) != len(motions):
+        raise UsageError(f"events: one for each of {len(motions)} motions, got {len(events)}")
     aim = read_target(target) if isinstance(target, str) else target
     ends = float(aim.periods[0]), float(aim.periods[-1])
     places = np.geomspace(*ends, 100) if periods is None else numbers_of(periods, "periods")
@@ -108,7 +110,7 @@ def select(
     possible = int(np.minimum(np.bincount(of_pool), most).sum()) if len(pool) else 0
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
-        why += [f"at most {per_event} of an event"] if per_event is not None else []
+        why += [f"at most {per_event} of an event; --events FILE names the events"] if per_event is not None else []
         told = f" ({', '.join(why)})" if why else ""
         raise UsageError(f"{count} motions are asked for, {possible} of {len(whole)} can be taken{told}")
     ln_aim, ln_spectra = np.log(aim.at(places)), np.log(spectra)
@@ -146,7 +148,7 @@ def _pool(
     left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
     places, spectra, seen = [], [], set()
     for place, motion in enumerate(motions):
-        samples = tuple(record.acceleration.tobytes() for record in components(motion))
+        samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
         key = hash(samples)
         if key in seen:
             left_out["duplicate"] += 1

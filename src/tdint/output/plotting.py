@@ -15,6 +15,7 @@ from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
 from tdint.analysis.chart.profiles import FieldChart
 from tdint.analysis.chart.work_precision import Chart
 from tdint.analysis.compare import Comparison
+from tdint.analysis.matching import Match
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum
@@ -215,6 +216,7 @@ _LOOKS: dict[type, _Look] = {
         lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
+    Match: _of_one(comparison.match_picture, comparison.draw_match),
     ModalResponse: _of_one(comparison.modal_response_picture, comparison.draw_modal_drifts),
     Modes: _of_one(
         lambda result, _: comparison.mode_picture(result, name="Modes"),

@@ -32,6 +32,7 @@ from tdint.output.figures.style import (
     line_look,
     method_looks,
     over_stories,
+    plain_logarithmic,
     plain_numbers,
     record_name,
     record_names,
@@ -47,6 +48,7 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
     from tdint.analysis.compare import Comparison, FloorComparison
+    from tdint.analysis.matching import Match
     from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
@@ -412,6 +414,45 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
         axes.set_ylabel(f"{name} ({units.label(si)})")
     grid[-1, 0].set_ylabel("Arias intensity (%)")
     return figure
+
+
+def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
+    """Picture of a matched motion beside its scaled seed: spectra with the target, histories, growth of energy."""
+    units = units.in_pictures
+    figure = Figure(figsize=(7.5, 9.5), layout="constrained")
+    axes, *rest = figure.subplots(5, 1, height_ratios=(2.2, 1, 1, 1, 1))
+    draw_match(axes, matched, units)
+    # Histories, the seed behind the match
+    records, motions = (matched.before, matched.record), matched.motions[::-1]
+    for record, motion, look in zip(records, motions, _MATCHED.values(), strict=True):
+        energy = np.cumsum(record.acceleration**2)
+        rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
+        time = record.dt * np.arange(record.acceleration.size)
+        for place, (values, si) in enumerate(zip(rows, ("m/s^2", "m/s", "m", ""), strict=True)):
+            rest[place].plot(time, units.of(values, si) if si else 100.0 * values, **look)
+    names = (("acceleration", "m/s^2"), ("velocity", "m/s"), ("displacement", "m"))
+    for below, (name, si) in zip(rest, names, strict=False):
+        below.set_ylabel(f"{name} ({units.label(si)})")
+    rest[3].set(ylabel="Arias intensity (%)", xlabel="time (s)")
+    subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
+    aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
+    add_title(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping")
+    return figure
+
+
+_MATCHED = {"scaled seed": {"color": "0.6", "linewidth": 0.9}, "matched": {"color": COLORS[0], "linewidth": 0.9}}
+
+
+def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
+    """The spectra of a matched motion and of its scaled seed, and the target."""
+    target = units.of(matched.target.at(matched.periods), "m/s^2")
+    axes.plot(matched.periods, target, color=COLORS[1], linewidth=2.2, label="target")
+    for psa, (name, look) in zip((matched.seed_psa, matched.psa), _MATCHED.items(), strict=True):
+        axes.plot(matched.periods, units.of(psa, "m/s^2"), label=name, **look)
+    axes.set(xscale="log", yscale="log", xlabel="period (s)", xlim=(matched.periods[0], matched.periods[-1]))
+    axes.set_ylabel(f"Sa ({units.label('m/s^2')})")
+    plain_logarithmic(axes)
+    axes.legend(loc="lower left")
 
 
 def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI) -> Figure:

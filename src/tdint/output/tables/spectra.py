@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.given import AnyRecord
+    from tdint.analysis.matching import Match
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.analysis.spectra.target import SpectrumDifference
@@ -193,6 +194,51 @@ def record_info(record: AnyRecord) -> RecordInfo:
     except AnalysisError:  # samples that are too far apart for the shortest period, which nobody has asked for
         intensity = math.nan
     return RecordInfo(of_file, measure(of_file), intensity)
+
+
+_OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
+"""What a matched motion and its scaled seed are compared by."""
+
+
+def _of_measures(place: int, name: str) -> Callable[[Any], Any]:
+    return lambda matched: np.array([getattr(matched.measures[place], name.replace("-", "_"))])
+
+
+def _at_end(place: int) -> Callable[[Any], Any]:
+    return lambda matched: np.array([matched.motions[place].displacement[-1]])
+
+
+MATCHED = (
+    Column("factor", "1", "factor", "factor on the seed before it was changed"),
+    Column("largest_misfit", "1", "largest_misfit", "largest difference from the target over it, at 1000 periods"),
+    Column("mean_misfit", "1", "mean_misfit", "mean of these differences"),
+    Column("change", "1", "change", "root mean square of the change over that of the scaled seed"),
+    *(
+        Column(
+            f"{seed}{MEASURES[name].head}{suffix(MEASURES[name].unit)}",
+            MEASURES[name].unit,
+            _of_measures(place, name),
+            f"{MEASURES[name].meaning}{', of the scaled seed' if seed else ''}",
+        )
+        for name in _OF_BOTH
+        for place, seed in enumerate(("", "seed_"))
+    ),
+    *(
+        Column(
+            f"{seed}end_displacement_m",
+            "m",
+            _at_end(place),
+            f"displacement of the ground at the end, from rest{', of the scaled seed' if seed else ''}",
+        )
+        for place, seed in enumerate(("", "seed_"))
+    ),
+)
+"""Of matched.csv."""
+
+
+def match_table(matches: Sequence[Match]) -> Table:
+    """A row for each motion that was matched to a target."""
+    return record_table(MATCHED, matches)
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:

@@ -18,6 +18,7 @@ from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
 from tdint.analysis.chart.profiles import FieldChart
 from tdint.analysis.chart.work_precision import Chart
 from tdint.analysis.compare import Comparison
+from tdint.analysis.matching import Match
 from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
 from tdint.analysis.run.outcome import STORY, History, Response, StoryPeaks
 from tdint.analysis.run.overview import Overview
@@ -223,6 +224,7 @@ _values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
 _values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
 _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
 _values.register(Response, lambda result: responses.response_table(result).by_column())
+_values.register(Match, lambda result: spectra.match_table([result]).by_column())
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
 for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):

@@ -1,0 +1,163 @@
+"""`tdint match`: ground motions brought to a target spectrum by the least change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint_cli import options
+from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.grammar import Ratio, span
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.studies import read_suite
+from tdint_cli.terminal import Failures, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.matching import Match
+    from tdint.ground_motion.record import Record
+
+MATCHED, PICTURE = "matched.csv", "matched.png"
+FORMATS = ("mseed", "csv")
+
+_WHOLE = 1.0
+"""Change over the motion above which it is another one."""
+
+_TWICE = 2.0
+"""Peak displacement of the ground over the seed's above which it is told."""
+
+
+@options.request
+class MatchRequest(RecordsRequest):
+    """The command line of `tdint match`."""
+
+    output: str | None = options.output.output(
+        "DIR", f"Write {MATCHED} and each motion, under its record's name, into this folder, which is made."
+    )
+    target: str = options.option(
+        required=True,
+        metavar="SPECTRUM",
+        common=True,
+        help="The spectrum to match: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
+    )
+    range: tuple[float, float] = options.option(
+        type=span,
+        default="0.05:4",
+        metavar="LOW:HIGH",
+        common=True,
+        help="Periods over which it is matched, s; 0.05:4 by default.",
+    )
+    damping: float = options.option(
+        type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of the spectra; 0.05 (or 5%) by default."
+    )
+    format: str = options.option(
+        type=click.Choice(FORMATS),
+        default=FORMATS[0],
+        common=True,
+        help="Of the motions: mseed (MiniSEED, by default) or csv.",
+    )
+    within: float = options.option(
+        type=Ratio(0.0, 1.0, min_open=True),
+        metavar="5%",
+        default="5%",
+        common=True,
+        help="The largest misfit that is not warned of; 5% by default.",
+    )
+    require: bool = options.option(is_flag=True, common=True, help="Exit with 5 where a misfit stays above --within.")
+    plot: str | None = options.output.plot(
+        f"Also draw spectra and histories of the first motion beside its scaled seed: to this file, or as {PICTURE} "
+        "into the folder."
+    )
+    overwrite: bool = options.output.overwrite
+
+
+@options.command(
+    "match",
+    "tdint match office-motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.05:3 -o matched",
+    "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
+    exits={5: "with --require a misfit is above --within"},
+)
+@options.record.of_records
+@options.of(MatchRequest)
+def command(request: MatchRequest) -> None:
+    """Ground motions whose spectra are a target's, by the least change.
+
+    RECORD is a file, or a folder for all records in it; all horizontal components are taken unless --component names
+    one. Each motion is scaled once and then changed as little as it can be, where it is strong, so that the largest
+    response at each period is the target. The table has the misfit at 1000 periods and what became of the motion,
+    beside its scaled seed. A motion that would be worse than its scaled seed is left as that.
+    """
+    from tdint.analysis.matching import match
+    from tdint.analysis.spectra.target import read_target
+    from tdint.output.summary import record_summary, table_summary
+
+    # What can be seen to fail is refused before the work.
+    if request.output is None:
+        raise UsageError("the motions are written into a folder: add -o DIR")
+    folder = Path(request.output)
+    plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
+    outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
+    target = read_target(request.target)
+    suite = read_suite(request.records, request.choice, None)
+    records: list[Record] = list(suite.records)
+    files = _files(folder, records, request.format)
+    check_outputs(files, overwrite=request.overwrite)
+    matches = [match(record, target, periods=request.range, damping=request.damping) for record in records]
+    table = tables.spectra.match_table(matches)
+
+    def summarize() -> dict[str, Any]:
+        settings = {"target": request.target, "range_s": list(request.range), "damping": request.damping}
+        settings |= {"format": request.format, "within": request.within}
+        written = [file.name for file in files]
+        return table_summary("match", settings, list(map(record_summary, records)), table.meanings) | {
+            "motions": written
+        }
+
+    write_files(dict(zip(files, _contents(matches, request.format), strict=True)), overwrite=request.overwrite)
+    outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
+    for matched in matches:
+        say(repr(matched)[1:-1] + ".")
+        warn(*_doubts(matched, request.within))
+    note("codes ask for more of a suite than a fit: numbers of motions, their sources, what near-fault pulses are")
+    beyond = [f"{one.seed.source} {one.seed.component}" for one in matches if one.largest_misfit > request.within]
+    if suite.failures:
+        raise Failures(suite.failures)
+    if request.require and beyond:
+        raise AnalysisError(f"the misfit stays above {100.0 * request.within:g} %: {', '.join(beyond)}")
+
+
+def _files(folder: Path, records: Sequence[Record], kind: str) -> list[Path]:
+    """A file for each motion, under the name of its record and component."""
+    names = [f"{Path(record.source).stem}-{record.component}".rstrip("-") for record in records]
+    names = [f"{name}-{i}" if names.count(name) > 1 else name for i, name in enumerate(names, start=1)]
+    return [folder / f"{name}.{kind}" for name in names]
+
+
+def _contents(matches: Sequence[Match], kind: str) -> list[bytes]:
+    """The motions as files."""
+    from tdint.ground_motion.measures import channels_of
+    from tdint.ground_motion.record import to_mseed
+
+    if kind == "csv":
+        return [tables.spectra.ground_table(matched.record).csv() for matched in matches]
+    return [to_mseed(channels_of([matched.record])[:1]).content for matched in matches]
+
+
+def _doubts(matched: Match, within: float) -> list[str]:
+    """What a person must see of a match."""
+    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
+    after, before = matched.measures
+    doubts = []
+    if matched.largest_misfit > within:
+        doubts.append(f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} %")
+    if matched.change > _WHOLE:
+        doubts.append(f"{subject}: the change is {matched.change:.2g} times the motion itself: choose another one")
+    if after.pgd > _TWICE * before.pgd:
+        doubts.append(f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before")
+    return doubts
