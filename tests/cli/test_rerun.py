@@ -198,6 +198,7 @@ def test_files_that_are_none(folder, tdint):
 
 def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
     """Of several calls, and exported: as in one. Of shards that were merged: merged again."""
+    pytest.importorskip("pyarrow")
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     for more in (["--max-runs", "1"], ["--max-runs", "1000"]):
         tdint("campaign", "campaign.yaml", "-o", "study", *more, code=0)

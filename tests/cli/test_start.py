@@ -37,7 +37,7 @@ COMMAND_LINES = {
     "info": "motion.mseed --trim 0.5:2.5 --baseline linear --pad 1:2",
     "spectrum": "motion.mseed --period 1",
     "drift-spectrum": "motion.mseed --period 1",
-    "match": "motion.mseed --component HNE --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m",
+    "match": "motion.mseed --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m",
     "campaign": "status study",
     "scale": "motion.mseed --pga 0.4g",
     "ida": "office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%",

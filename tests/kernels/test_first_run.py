@@ -129,8 +129,11 @@ def test_the_second_run_is_compiled(tmp_path):
         )
         assert process.returncode == 0, process.stderr
         said.append("TDINT_COMPILE=wait" in process.stderr)
+        # The process beside holds the lock from its start until the last object is kept.
         deadline = time.monotonic() + 300.0
-        while not list(cache.rglob("*observing.begin*.object")) and time.monotonic() < deadline:
+        while not list(cache.rglob("*.object")) and time.monotonic() < deadline:
             time.sleep(1.0)
-        time.sleep(3.0)
+        with next(cache.rglob(".lock-beside")).open("a") as stream:
+            while not tdint.system.lock(stream.fileno()) and time.monotonic() < deadline:
+                time.sleep(1.0)
     assert said == [True, False]
