@@ -296,9 +296,10 @@ def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> F
 
 
 _OPENSEES_SETTINGS = (
-    f"zeroLength elements (Elastic, Steel01, ElasticMultiLinear (curves: {_TABLE.size} points), BoucWen; Viscous), BandSPD, Newton until "
-    f"NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} "
-    f"iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} times at most"
+    f"zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear, of {_TABLE.size} points for curves; Viscous), "
+    f"BandSPD, Newton until NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, "
+    f"{opensees_worker.ITERATIONS} iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} "
+    "times at most"
 )
 _SCIPY_SETTINGS = "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
 
