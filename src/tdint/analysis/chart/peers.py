@@ -296,8 +296,8 @@ def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> F
 
 
 _OPENSEES_SETTINGS = (
-    f"zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as tables "
-    f"of {_TABLE.size} points, BandSPD, Newton until NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, "
+    f"zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as tables of {_TABLE.size} "
+    f"points, BandSPD, Newton until NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, "
     f"{opensees_worker.ITERATIONS} iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} "
     "times at most"
 )
