@@ -17,9 +17,6 @@ class Domain:
 
     numberer = system = constraints
 
-    def version(self):
-        return "of a stand-in"
-
     def wipe(self):
         for file, rows in self.recorded.items():
             Path(file).write_bytes(b"".join(row.tobytes() + b"\n" for row in rows))

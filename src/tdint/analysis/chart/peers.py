@@ -116,8 +116,7 @@ def openseespy_points(
     The time is that of `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
     those of the motion. A `share` of the time that one problem has is what all runs may take.
     """
-    reason = _unsupported(problem)
-    if reason:
+    if reason := _unsupported(problem):
         return [], [f"openseespy is left out: {reason}"]
     runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
     runs.sort(key=lambda run: run[1].count)  # if time is up, the dearest ones are missing
