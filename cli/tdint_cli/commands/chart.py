@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldProblem
     from tdint.analysis.chart.work_precision import Chart, Point, Timing
     from tdint.ground_motion.record import Record
+    from tdint.methods.method import Integrator
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.summary import Advice
@@ -123,6 +124,13 @@ class Request(options.record.RecordRequest):
         default="time",
         common=True,
         help="Draw time (default), steps or solves over error, or error over dt.",
+    )
+    highlight: str = options.option(
+        needs="--plot",
+        default="",
+        common=True,
+        metavar="NAME",
+        help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
     )
     cache: bool = options.option(
         "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
@@ -257,7 +265,7 @@ def _chart_many(request: Request) -> None:
     from tdint.output.summary import field_summary
 
     given = _problems(request)
-    integrators = options.analysis.integrators(request.methods or METHODS)
+    integrators = _integrators(request, METHODS)
     with progress_bar(request.outputs.table is None) as progress:
         chart = measure_all(given, integrators, repeats=request.repeat, peers=request.peers, progress=progress)
     # Problems whose references are not known well enough for all tolerances
@@ -271,7 +279,7 @@ def _chart_many(request: Request) -> None:
     table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: figures.comparison.profile_picture(chart, target=request.target),
+        lambda: figures.comparison.profile_picture(chart, target=request.target, highlight=request.highlight),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
     )
     leaders = chart.leaders()
@@ -302,12 +310,22 @@ def _problems(request: Request) -> list[FieldProblem]:
     return crossed(models, ())
 
 
+def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
+    """The methods of a chart, after the one to highlight was found among them, or may be another program's."""
+    integrators = options.analysis.integrators(request.methods or usual)
+    labels = [integrator.label for integrator in integrators]
+    programs = tables.methods.PEER in request.highlight or request.tolerances
+    if request.highlight and request.highlight not in labels and not programs:
+        raise UsageError(f"--highlight {request.highlight} is not among the methods: {', '.join(labels)}")
+    return integrators
+
+
 def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import DEFAULT_METHODS, default_steps, halved_steps, measure, suited
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
-    integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
+    integrators = suited(problem, _integrators(request, DEFAULT_METHODS))
     # The steps: as they are given, halved so often, or for many stories the sampling interval alone
     if request.steps:
         steps: Sequence[float] = request.steps
@@ -370,8 +388,10 @@ def _deliver(
 
     def draw() -> Figure:
         if request.stories:
-            return figures.assessment.sizes_picture(charts, name=name, target=target)
-        return figures.assessment.chart_picture(charts[0], name=name, target=target, versus=request.versus)
+            return figures.assessment.sizes_picture(charts, name=name, target=target, highlight=request.highlight)
+        return figures.assessment.chart_picture(
+            charts[0], name=name, target=target, versus=request.versus, highlight=request.highlight
+        )
 
     def summarize() -> dict[str, Any]:
         return chart_summary(
