@@ -22,6 +22,7 @@ from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
+    from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.profiles import FieldProblem
     from tdint.analysis.chart.work_precision import Chart, Point, Timing
     from tdint.ground_motion.record import Record
@@ -202,16 +203,17 @@ def command(request: Request) -> None:
             from tdint.analysis.chart.problem import stretched
 
             # Of each number of stories; without other programs nothing is left out.
+            advice: list[Advice] = []
             charts, left_out = [], list[str]()
             share = 1.0 / len(request.stories)
             for done, count in enumerate(request.stories):
                 part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
-                charts.append(_chart(request, stretched(model, count), record, part)[0])
+                chart, advice, _ = _chart(request, stretched(model, count), record, part)
+                charts.append(chart)
         else:
-            chart, left_out = _chart(request, model, record, progress)
+            chart, advice, left_out = _chart(request, model, record, progress)
             charts = [chart]
-    # Recommendations are for one building whose errors of peaks say something.
-    advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
+    advice = advice if len(charts) == 1 else []  # for one building
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, charts, model, record, advice, notes)
     for chart in charts:
@@ -320,7 +322,9 @@ def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
     return integrators
 
 
-def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
+def _chart(
+    request: Request, model: Model, record: Record | None, progress: Progress
+) -> tuple[Chart, list[Advice], list[str]]:
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import DEFAULT_METHODS, default_steps, halved_steps, measure, suited
 
@@ -336,8 +340,8 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     problem = ending_together(problem, steps)
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
-    def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
-        return [(advice.point.line, advice.point.dt) if advice.point else None for advice in _advice(request, points)]
+    def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
+        return [(point.line, point.dt) for limit in LIMITS for point in _best(request, points, limit)[:1]]
 
     chart = measure(
         problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
@@ -346,6 +350,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
         from tdint.analysis.chart.work_precision import with_tolerances
 
         chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
+    advice = [] if _peaks_at_start(request, chart) else _advice(request, chart, problem)
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:
@@ -357,18 +362,31 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
 
         chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
         left_out = [*left_out, *more]
-    return chart, left_out
+    return chart, advice, left_out
 
 
-def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
-    from tdint.analysis.chart.work_precision import cheapest, ties
+def _best(request: Request, points: Sequence[Point], limit: float) -> list[Point]:
+    """The cheapest point within a limit, and that of another method, as far as there are any."""
+    from tdint.analysis.chart.work_precision import cheapest
+
+    best: list[Point] = []
+    for _ in range(2):
+        left = [point for point in points if point.line not in [one.line for one in best]]
+        best += filter(None, [cheapest(left, request.target, limit)])
+    return best
+
+
+def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
+    from tdint.methods.catalogue import parse
     from tdint.output.summary import Advice
 
-    of_ours = [point for point in points if tables.methods.PEER not in point.line and not math.isnan(point.dt)]
-    return [
-        Advice(limit, cheapest(of_ours, request.target, limit), ties(of_ours, request.target, limit))
-        for limit in LIMITS
-    ]
+    advice = []
+    ours = [point for point in chart.points if not math.isnan(point.dt)]
+    for limit in LIMITS:
+        best, other = (*_best(request, ours, limit), None, None)[:2]
+        told = problem.told(parse(best.method), problem.steps(best.dt)) if best else math.nan
+        advice.append(Advice(limit, best, other, told))
+    return advice
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -408,11 +426,17 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
     for advised in advice:
         goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
-        if advised.point:
-            say(f"{goal}{advised.point.line} with dt {advised.point.dt:.6g} s, {cost(advised.point)}.")
-            if advised.ties:
-                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in advised.ties)
-                say(f"As cheap, to what the clock tells apart: {others}.")
+        if best := advised.point:
+            told = f", told {100.0 * advised.told:.2g} % of the peak drifts" if advised.told < math.inf else ""
+            # Over its time that of another method, and that of the usual choice
+            others = [("next best: ", advised.next_best), ("", chart.usual)]
+            words = [
+                f"; {word}{other.line} with dt {other.dt:.6g} s, {other.fastest / best.fastest:.2g} times as long, "
+                f"error {100.0 * other.error(request.target):.2g} %"
+                for word, other in others
+                if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
+            ]
+            say(f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{told}{''.join(words)}.")
         else:
             say(f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings.")
     whose = "record" if chart.recorded else "model"
