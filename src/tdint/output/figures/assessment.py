@@ -19,6 +19,7 @@ from tdint.errors import UsageError
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
+    INCH,
     LIGHT,
     NARROW,
     add_legend,
@@ -323,7 +324,6 @@ _LEVEL, _UPRIGHT = 0.28, 0.13  # widths of a cell in print, inches, that five di
 _TALL = 0.34  # inches, of a cell whose digits stand upright
 _LETTER_UP = 0.06  # inches, of a letter of 8 points
 _LINE = 0.15  # inches, of a line
-_INCH = 0.0254
 _MOST_LETTERS = 5  # of a number in print
 _MOST_PANELS = 3  # below each other
 _NARROW_FOOT = 62  # letters of 6 points on the width of a column
@@ -423,14 +423,14 @@ def _rooms(methods: Sequence[str], count: int) -> _Rooms:
     printed = PRINTED.get().width
     if not printed:
         return _Rooms(max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], upright=False)
-    width = printed / _INCH
+    width = printed / INCH
     for panels in range(1, _MOST_PANELS + 1):
         columns = math.ceil(count / panels)
         cell = (width - side) / columns
         if cell >= _UPRIGHT:
             upright = cell < _LEVEL
             return _Rooms(width, columns, _TALL if upright else _CELL[1], upright)
-    least = math.ceil(1e3 * _INCH * (side + _UPRIGHT * columns))
+    least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
     raise UsageError(f"the names of these methods and their numbers take a width of {least} mm at least")
 
 

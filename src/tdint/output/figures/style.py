@@ -75,7 +75,7 @@ _PRINT = {
 }
 _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": False}
 _SMALLEST, _LARGEST = 6.0, 8.0
-_INCH = 0.0254
+INCH = 0.0254  # m
 _RESOLUTION = {True: 600, False: 160}
 _ON_PAGE = 100  # of a notebook, which shows a pixel as one; matplotlib's own
 INK = "#1f4e79"
@@ -324,7 +324,7 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
     """Bring a figure to its width, its letters to the sizes of print, its words to those of the paper."""
     width, height = figure.get_size_inches()
     if printed.width:
-        narrow = printed.width / _INCH / width
+        narrow = printed.width / INCH / width
         figure.set_size_inches(width * narrow, height * math.sqrt(narrow))
         width *= narrow
     title = figure.get_suptitle()
@@ -494,7 +494,7 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
     for print."""
     columns = max(1, min(len(labels), most))
     printed = PRINTED.get().width
-    if labels and (inches := printed / _INCH if printed else width):
+    if labels and (inches := printed / INCH if printed else width):
         letters = inches * 72.0 / ((7.0 if printed else 8.0) * _LETTER)
         columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 11))))
     return columns
