@@ -1,22 +1,27 @@
 """What OpenSees' manual says of the commands that tdint gives it, for masses in a row: where it is not installed."""
 # ruff: noqa: N802 (its names)
 
+from pathlib import Path
+from typing import ClassVar
+
 import numpy as np
 
 
 class Domain:
     """Masses in a row, springs and dashpots between them, loads, and the step that brings them on."""
 
+    recorded: ClassVar = {}
+
     def constraints(self, *_):
         """Nor do the commands below choose anything that changes a number."""
 
     numberer = system = constraints
 
-    def version(self):
-        return "of a stand-in"
-
     def wipe(self):
-        self.masses, self.materials, self.links, self.series, self.applied = {}, {}, [], {}, []
+        for file, rows in self.recorded.items():
+            Path(file).write_bytes(b"".join(row.tobytes() + b"\n" for row in rows))
+        self.masses, self.materials, self.series, self.applied, self.recorded = {}, {}, {}, [], {}
+        self.links = []
         self.nodes, self.time, self.ground = 0, 0.0, lambda t: 0.0
 
     def model(self, *words):
@@ -38,9 +43,15 @@ class Domain:
 
     def element(self, kind, tag, first, second, *words):
         at = words.index("-dir")
-        assert (kind, first, second) == ("zeroLength", tag - 1, tag) and self.nodes > tag
-        assert words[0] == "-mat" and words[at:] == ("-dir", *[1] * (at - 1), "-doRayleigh", 1)
-        self.links.append([self.materials[name] for name in words[1:at]])
+        assert (kind, first) == ("zeroLength", second - 1) and self.nodes > second
+        assert words[0] == "-mat" and words[at:] == ("-dir", 1, "-doRayleigh", int(tag == second))
+        if tag == second:
+            self.links.append([])
+        self.links[second - 1].append(self.materials[words[1]])
+
+    def recorder(self, kind, form, file, word, *words):
+        assert (kind, form, word, words[:-1]) == ("Node", "-binary", "-node", (*range(1, self.nodes), "-dof", 1))
+        self.recorded[file] = []
 
     def rayleigh(self, mass, current, initial, committed):
         assert current == committed == 0.0
@@ -96,7 +107,11 @@ class Domain:
         self.drifts = np.eye(self.m.size) - np.eye(self.m.size, k=-1)
         steel = [numbers if kind == "Steel01" else (np.inf, *numbers, 0.0) for (kind, *numbers), *_ in self.links]
         self.yields, self.k, self.hardening = np.array(steel).T
-        dashpots = np.array([sum(size for _, size, power in link[1:] if power == 1.0) for link in self.links])
+        dashpots, beside = (
+            np.array([sum(size[0] for kind, *size in link[1:] if kind == wanted) for link in self.links])
+            for wanted in ("Viscous", "Elastic")
+        )
+        self.geometric = self.drifts.T @ np.diag(beside) @ self.drifts
         alpha, beta = self.proportions
         self.c = alpha * np.diag(self.m) + self.drifts.T @ np.diag(dashpots + beta * self.k) @ self.drifts
         self.inner = self.springs(self.drifts @ self.motion[0], 0.0 * self.m, 0.0 * self.m)[1]
@@ -125,12 +140,16 @@ class Domain:
             v = v0 + h * ((1.0 - gamma) * a0 + gamma * a)
             shear, _, tangent = self.springs(self.drifts @ (u0 + rest * (u - u0)), before, self.inner)
             out = load - self.m * (a0 + inertia * (a - a0)) - self.c @ (v0 + rest * (v - v0)) - self.drifts.T @ shear
+            out -= self.geometric @ (u0 + rest * (u - u0))
             if solves and (self.one_solve or np.linalg.norm(out) <= self.tolerance):
                 break
             matrix = inertia / (beta * h * h) * np.diag(self.m) + rest * gamma / (beta * h) * self.c
-            u = u + np.linalg.solve(matrix + rest * self.drifts.T @ np.diag(tangent) @ self.drifts, out)
+            tangent = self.drifts.T @ np.diag(tangent) @ self.drifts + self.geometric
+            u = u + np.linalg.solve(matrix + rest * tangent, out)
         else:
             return -3
         self.inner = self.springs(self.drifts @ u, before, self.inner)[1]
         self.motion, self.time, self.iterations = np.array([u, v, a]), self.time + h, solves
+        for file, row in zip(self.recorded, self.motion, strict=False):  # in the order of disp, vel, accel
+            self.recorded[file].append(row)
         return 0

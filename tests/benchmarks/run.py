@@ -275,13 +275,14 @@ def peers_said(chart: FieldChart) -> str:
         named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
         given = [one for one in chart.measured if any(profiles.PEER in point.line for point in one.points)]
         gaps = table(
-            ["building", "motion", "OpenSees from ours", "said"],
+            ["building", "motion", "OpenSees from the reference", "said"],
             [[one.name, one.motion, f"{one.peer_gap:.1e}", one.peer_note or "-"] for one in chart.measured],
         ).replace("|nan|", "|-|")
         return (
-            f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it has, where with the "
-            "smallest step that it did its average acceleration and ours have the same histories of drift and "
-            "acceleration but for a fifth of the smallest tolerance. Medians are of these problems alone. Its costs "
+            f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it has, shown by its "
+            "average acceleration, extrapolated to dt 0: its histories of drift and absolute acceleration (L2) are "
+            f"those of the reference but for a fifth of the smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. "
+            "Medians are of these problems alone. Its costs "
             "are over the least of ours, which they do not change; it is timed once, and begins no run after "
             f"{profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a problem, largest steps "
             f"first. {named}. {peers_module.ITERATED}.\n\n{gaps}"

@@ -16,6 +16,7 @@ import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.s
 TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
 ITERATIONS = 50  # of Newton in a step: more than one that converges takes
 _GROUND, _PATTERN = 0, 1
+_KINDS = ("disp", "vel", "accel")
+_BESIDE = 100_000  # stories at most
 _FOREVER = 1e9  # s, beyond the end of any run
 
 Content = dict[str, Any]
@@ -48,9 +51,8 @@ def main() -> int:
     with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as content:
         problem = dict(content)
     runs = json.loads(str(problem["runs"]))
-    results: Content = {"version": np.array(str(ops.version()))}
-    began = time.process_time()
-    done = 0
+    results: Content = {}
+    began, done = time.process_time(), 0
     for run in runs:
         if time.process_time() - began > SECONDS * float(problem["share"]):
             break
@@ -99,20 +101,19 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     """The chain of masses, its load, its start, and the analysis."""
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
-    n = problem["mass"].size
+    n, materials = problem["mass"].size, json.loads(str(problem["materials"]))
     for node in range(n + 1):
         ops.node(node, 0.0)
     ops.fix(_GROUND, 1)
     for i in range(n):
         ops.mass(i + 1, float(problem["mass"][i]))
-        # A story is a spring, and beside it a dashpot that Rayleigh damping does not have.
-        dashpot, (kind, *numbers) = float(problem["dashpot"][i]), json.loads(str(problem["materials"]))[i]
-        ops.uniaxialMaterial(kind, i + 1, *numbers)
-        materials, directions = [i + 1], [1]
-        if dashpot != 0.0:
-            ops.uniaxialMaterial("Viscous", 100_000 + i, dashpot, 1.0)
-            materials, directions = [i + 1, 100_000 + i], [1, 1]
-        ops.element("zeroLength", i + 1, i, i + 1, "-mat", *materials, "-dir", *directions, "-doRayleigh", 1)
+        # A story is a spring, and beside it what Rayleigh damping does not have: a dashpot, P-delta.
+        beside = (("Viscous", problem["dashpot"][i], 1.0), ("Elastic", problem["geometric"][i]))
+        for j, (kind, *numbers) in enumerate((materials[i], *beside)):
+            if j == 0 or numbers[0] != 0.0:
+                tag = i + 1 + j * _BESIDE
+                ops.uniaxialMaterial(kind, tag, *(word if isinstance(word, str) else float(word) for word in numbers))
+                ops.element("zeroLength", tag, i, i + 1, "-mat", tag, "-dir", 1, "-doRayleigh", int(j == 0))
     ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
     _load_floors(ops, problem)
     if problem["ground"].size > 1:
@@ -154,39 +155,33 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     """Step by step: the motion every so many steps, the peaks at all steps, the iterations. Absolute accelerations are
     those of the nodes and of the ground; total shears what they do to the masses above, without forces on floors."""
     n = problem["mass"].size
-    nodes = range(1, n + 1)
-    every = run["per_sample"]
-    rows = run["steps"] // every + 1
-    table = np.zeros((3, rows, n))
-    table[:, 0] = problem["u_start"], problem["v_start"], problem["a_start"]
-    # Peaks are seen at all steps, the motion is kept at the samples.
-    times = run["h"] * np.arange(run["steps"] + 1)
-    size = problem["ground"].size
-    ground = np.interp(times, problem["interval"] * np.arange(size + 1), [*problem["ground"], 0.0])
-
-    def demands(u: Any, a: Any) -> Any:
-        shear = np.cumsum((problem["mass"] * a)[::-1])[::-1] * (math.nan if problem["forces"].size else 1.0)
-        return np.abs([np.diff(u, prepend=0.0), a, shear])
-
-    peaks = demands(problem["u_start"], problem["a_start"] + ground[0])
     iterations = 0
-    for step in range(1, run["steps"] + 1):
-        if ops.analyze(1, run["h"]) != 0:
+    with TemporaryDirectory() as folder:
+        # OpenSees itself writes what nodes do: asked for in Python this takes longer than the steps.
+        for name in _KINDS:
+            ops.recorder("Node", "-binary", f"{folder}/{name}", "-node", *range(1, n + 1), "-dof", 1, name)
+        code = done = 0
+        while done < run["steps"] and (code := ops.analyze(1, run["h"])) == 0:
+            iterations += 1 if problem["one_solve"] else ops.testIter()
+            done += 1
+        ops.wipe()  # and the files are closed
+        if code != 0:
             return {"outcome": np.array("not-converged")}
-        iterations += 1 if problem["one_solve"] else ops.testIter()
-        u = np.array([ops.nodeDisp(node, 1) for node in nodes])
-        if not np.all(np.isfinite(u)):
-            return {"outcome": np.array("diverged")}
-        a = np.array([ops.nodeAccel(node, 1) for node in nodes])
-        np.maximum(peaks, demands(u, a + ground[step]), out=peaks)
-        if step % every == 0:
-            row = step // every
-            table[0, row] = u
-            table[1, row] = [ops.nodeVel(node, 1) for node in nodes]
-            table[2, row] = a
+        row = np.dtype([("nodes", float, (n,)), ("end", "V1")])  # and the end of a line, of binary ones, too
+        rows = {name: np.fromfile(f"{folder}/{name}", row)["nodes"] for name in _KINDS}
+    starts = (problem["u_start"], problem["v_start"], problem["a_start"])
+    u, v, a = (np.vstack([start, values]) for start, values in zip(starts, rows.values(), strict=True))
+    if not np.all(np.isfinite(u)):
+        return {"outcome": np.array("diverged")}
+    times, size = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
+    ground = np.interp(times, problem["interval"] * np.arange(size + 1), [*problem["ground"], 0.0])
+    absolute = a + ground[:, None]
+    shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
+    shear *= math.nan if problem["forces"].size else 1.0
+    peaks = (np.max(np.abs(values), axis=0) for values in (np.diff(u, axis=1, prepend=0.0), absolute, shear))
     return {
         "outcome": np.array("done"),
-        "motion": table,
+        "motion": np.array([u, v, a])[:, :: run["per_sample"]],
         **dict(zip(("peak_drift", "peak_acceleration", "peak_total_shear"), peaks, strict=True)),
         "iterations": np.array(iterations),
     }

@@ -33,6 +33,9 @@ from tdint.model.plugins import peers
 
 _REPEATS = 3  # at most: a peer takes up to 500 times as long as tdint
 _MINUTES = 5.0  # after which the process is ended
+_TABLE = np.linspace(-1.0, 1.0, 8001)  # drifts of a curve: its chords are 1e-6 of the force from it
+_REACH = 4.0  # times the reference's peak drifts: long steps go farther than it
+_CHECKED = (8, 16, 32, 64, 128)  # parts of the interval, until two of them tell that the law is the same
 _SAME = 1e-9  # beyond what a division of rounded numbers leaves
 
 
@@ -45,15 +48,29 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
 instead of the start."""
 
 
-def _bouc_wen(k: float, strength: float, hardening: float, n: float, beta: float, *_: float) -> tuple[Any, ...]:
+def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
+    strength, hardening, n, beta = parameters[:4]
     size = (k / strength) ** n
     return "BoucWen", hardening, k, n, (1.0 - beta) * size, beta * size, 1.0, 0.0, 0.0, 0.0
 
 
-def _stops(k: float, gap: float, stop: float, *_: float) -> tuple[Any, ...]:
-    drifts = (-2.0 * gap, -gap, gap, 2.0 * gap)
-    forces = (k * d + stop * math.copysign(max(abs(d) - gap, 0.0), d) for d in drifts)
-    return "ElasticMultiLinear", "-strain", *drifts, "-stress", *forces
+def _elastic(drifts: Array, forces: Array) -> tuple[Any, ...]:
+    return "ElasticMultiLinear", "-strain", *drifts.tolist(), "-stress", *forces.tolist()
+
+
+def _stops(k: float, _: float, gap: float, stop: float, *__: float) -> tuple[Any, ...]:
+    drifts = gap * np.array([-2.0, -1.0, 1.0, 2.0])
+    return _elastic(drifts, k * drifts + stop * (drifts - np.clip(drifts, -gap, gap)))
+
+
+def _tanh(k: float, reach: float, strength: float, *_: float) -> tuple[Any, ...]:
+    drifts = reach * _TABLE
+    return _elastic(drifts, strength * np.tanh(k * drifts / strength))
+
+
+def _polynomial(_: float, reach: float, *coefficients: float) -> tuple[Any, ...]:
+    drifts = reach * _TABLE
+    return _elastic(drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients))))
 
 
 Judge = Callable[[Any, FloorMotion, Integrator, Steps], RelativeErrors]
@@ -61,12 +78,17 @@ Judge = Callable[[Any, FloorMotion, Integrator, Steps], RelativeErrors]
 
 _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "linear": lambda k, *_: ("Elastic", k),
-    "bilinear": lambda k, strength, hardening, *_: ("Steel01", strength, k, hardening),
+    "bilinear": lambda k, _, strength, hardening, *__: ("Steel01", strength, k, hardening),
     "gap": _stops,
     "bouc-wen": _bouc_wen,
+    "tanh": _tanh,
+    "polynomial": _polynomial,
 }
-"""Our law and, of its stiffness and parameters, OpenSees' material with its own: those whose law is the same."""
+"""Our law and, of its stiffness, the drift that it must reach and its parameters, OpenSees' material with its own:
+those whose law is the same. Curves are tables."""
 
+_OF_ORDER_1 = ("bouc-wen",)
+"""Laws whose material takes the rate at the end of the step alone: the error of a run falls with order 1."""
 
 ITERATED = (
     "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the forces of the weighted "
@@ -87,15 +109,14 @@ def openseespy_points(
 ) -> tuple[list[Point], list[str]]:
     """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and generalized-alpha.
 
-    The parameters are those that ours have by default. The building is the same: a zeroLength element per story (a
-    material of `_MATERIALS`, beside it Viscous for dashpots), Rayleigh damping from the initial stiffness, the record
-    as a Path, the acceleration of equilibrium at the start; Newton's method (Linear in linear buildings, factorized
-    once) until the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of `analyze`
-    alone. Peaks are those at the steps; `judge` has the errors from them in place of those of the motion. A `share` of
-    the time that one problem has is what all runs may take.
+    The parameters are those that ours have by default. The building is the same: of each story a zeroLength element (a
+    material of `_MATERIALS`), beside it Viscous for a dashpot and Elastic for P-delta; Rayleigh damping from the
+    initial stiffness, the record as a Path, the acceleration of equilibrium at the start; Newton's method (Linear in
+    linear buildings, factorized once) until the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD.
+    The time is that of `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
+    those of the motion. A `share` of the time that one problem has is what all runs may take.
     """
-    reason = _unsupported(problem)
-    if reason:
+    if reason := _unsupported(problem):
         return [], [f"openseespy is left out: {reason}"]
     runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
     runs.sort(key=lambda run: run[1].count)  # if time is up, the dearest ones are missing
@@ -115,6 +136,36 @@ def openseespy_points(
     return points, notes
 
 
+def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[float, str]:
+    """How far OpenSees' average acceleration is from a reference of ours, and how that was found, or why it is not.
+
+    The larger of the differences of the histories of drift and acceleration (L2). Steps are halved until those that
+    two of them tend to (Richardson) are within the goal, as a reference is confirmed by average acceleration of ours.
+    """
+    if reason := _unsupported(problem):
+        return math.nan, reason
+    average = parse("newmark-average")
+    codes = problem.building.law_parameters[at.CODE, :-1]
+    powers = (2.0, 4.0) if np.isin(codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
+    gap, said, before = math.nan, "", list[Array]()
+    for parts in _CHECKED:
+        steps = problem.steps(problem.interval / parts)
+        answer, why = _ask(problem, [(average, steps)], reference, 0, math.inf)
+        if why or str(answer["0_outcome"]) != DONE:
+            return math.nan, why or f"with dt {steps.h:.3g} s it is {answer['0_outcome']}"
+        # What has one order of the error less, and so on, each from itself with the step before
+        limits = [answer["0_motion"]]
+        for power, coarse in zip(powers, before, strict=False):
+            limits.append(limits[-1] + (limits[-1] - coarse) / (power - 1.0))
+        before = limits
+        if len(limits) > len(powers):
+            off = errors(_motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion)
+            gap, said = max(off.drift, off.acceleration), f"extrapolated to dt 0 from {steps.h:.3g} s and larger"
+            if gap <= goal:
+                break
+    return gap, said
+
+
 def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
@@ -122,8 +173,6 @@ def _unsupported(problem: Problem) -> str:
         return f"a story's law is none of {', '.join(_MATERIALS)}"
     if building.power_damped:
         return "the model has power-law dashpots"
-    if np.any(building.linear_terms[at.GEOMETRIC]):
-        return "the model has P-delta"
     if len(building.modal):
         return "the model has modal damping"
     if _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass) is None:
@@ -185,8 +234,10 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     stiffness = building.law_parameters[at.STIFFNESS, :-1]
     names = {CODES[name]: name for name in _MATERIALS}
     stories = building.law_parameters[:, :-1].T.tolist()
+    reaches = _REACH * reference.motion.peak_drift
     materials = [
-        _MATERIALS[names[story[at.CODE]]](story[at.STIFFNESS], *story[at.FIRST_PARAMETER :]) for story in stories
+        _MATERIALS[names[story[at.CODE]]](story[at.STIFFNESS], reach, *story[at.FIRST_PARAMETER :])
+        for story, reach in zip(stories, reaches.tolist(), strict=True)
     ]
     dampers = building.linear_terms[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
@@ -200,6 +251,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         "alpha_mass": np.array(_proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
+        "geometric": building.linear_terms[at.GEOMETRIC, :-1],
         "forces": problem.forces,
         "ground": problem.ground,
         "interval": np.array(problem.interval),
@@ -226,22 +278,27 @@ def _point(
     outcome = str(got["outcome"])
     if outcome != DONE:
         return Point(name, steps.h, steps.count, outcome, line=line)
-    u, v, a = got["motion"]
-    ground = np.interp(
-        problem.interval * steps.stride * np.arange(len(u)),
-        problem.interval * np.arange(problem.ground.size + 1),
-        np.append(problem.ground, 0.0),
-    )
-    motion = FloorMotion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
+    motion = _motion(problem, steps, got["motion"], got["peak_drift"])
     times = tuple(got["times"].tolist())
     off = judge(SimpleNamespace(**got), motion, integrator, steps) if judge else errors(motion, reference.motion)
     return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), off, times, line=line)
 
 
+def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> FloorMotion:
+    """The worker's rows (u, v, a relative to the ground) as a motion."""
+    ground = np.interp(
+        problem.interval * steps.stride * np.arange(rows.shape[1]),
+        problem.interval * np.arange(problem.ground.size + 1),
+        np.append(problem.ground, 0.0),
+    )
+    return FloorMotion(steps.stride, rows[0], rows[1], rows[2] + ground[:, None], peak_drift)
+
+
 _OPENSEES_SETTINGS = (
-    f"zeroLength elements (Elastic, Steel01, ElasticMultiLinear, BoucWen, Viscous), BandSPD, Newton until "
-    f"NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} "
-    f"iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} times at most"
+    f"zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as tables of {_TABLE.size} "
+    f"points, BandSPD, Newton until NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, "
+    f"{opensees_worker.ITERATIONS} iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} "
+    "times at most"
 )
 _SCIPY_SETTINGS = "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
 
