@@ -199,11 +199,11 @@ BUDGET = {
     "cli": (44, 6950),
     "output": (26, 6700),
     "campaign": (26, 6300),
-    "analysis": (42, 7750),
+    "analysis": (42, 7850),
     "methods": (12, 1750),
     "model": (21, 3650),
     "ground_motion": (34, 4250),
-    "kernels": (55, 6950),
+    "kernels": (55, 7000),
     "ground": (12, 1650),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""

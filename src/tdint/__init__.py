@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import chart as chart
     from tdint.analysis.compare import compare as compare
     from tdint.analysis.matching import match as match
+    from tdint.analysis.matching import match_suite as match_suite
     from tdint.analysis.run.outcome import FailedRun as FailedRun
     from tdint.analysis.run.outcome import Response as Response
     from tdint.analysis.run.overview import modes as modes
@@ -122,7 +123,7 @@ _NAMES = {
     "analysis.chart.profiles": "chart_many",
     "analysis.chart.work_precision": "chart",
     "analysis.compare": "compare",
-    "analysis.matching": "match",
+    "analysis.matching": "match match_suite",
     "analysis.run.outcome": "FailedRun Response",
     "analysis.run.overview": "modes",
     "analysis.run.prepared": "compile_model",

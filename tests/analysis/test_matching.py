@@ -8,9 +8,11 @@ from scipy.optimize import LinearConstraint, minimize
 
 import tdint
 from building_cases import noise
-from tdint.analysis.matching import _Problem, program
-from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.matching import _judged, _Problem, program
+from tdint.analysis.spectra.target import read_target
 from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.reading.suites import components
 from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO
 
 TARGET = "asce7:sds=0.6,sd1=0.4,tl=8"
@@ -29,33 +31,48 @@ def matched(motion):
     return tdint.match(motion, TARGET, periods=(0.1, 2.0))
 
 
+@pytest.fixture(scope="module")
+def pair(motion):
+    """With a second component of its own."""
+    rough = np.random.default_rng(4).normal(size=801) * np.sin(np.pi * np.linspace(0.0, 1.0, 801)) ** 2
+    second = replace(motion, acceleration=rough + 0.5 * motion.acceleration[::-1], component="HN2")
+    return Horizontals(replace(motion, component="HN1"), second)
+
+
 def problem_of(motion, periods):
-    wanted = spectrum(motion, periods, 0.05).psa
-    return _Problem.of(motion, periods, wanted=wanted, damping=0.05), wanted
+    """A problem whose target is the spectrum; the samples of all components."""
+    samples = np.array([record.acceleration for record in components(motion)])
+    wanted = _judged(motion, periods, 0.05)
+    return _Problem.of(samples, 0.01, periods, wanted=wanted, damping=0.05), samples
 
 
-def test_the_largest_extremes_are_the_spectrum(motion):
-    """By another kernel: that of the spectra, exact between samples."""
-    periods = np.geomspace(0.1, 3.0, 25)
-    problem, wanted = problem_of(motion, periods)
-    found, largest = problem.extremes(motion.acceleration, 0.9 * wanted)
-    np.testing.assert_allclose(largest[0], wanted, rtol=2e-4)
-    assert np.all(np.abs(found[VALUE]) > 0.9 * wanted[found[WHO].astype(int)] * (1.0 - 1e-9))
-    np.testing.assert_array_equal(np.abs(found[VALUE, largest[1].astype(int)]), largest[0])
+@pytest.mark.parametrize("of", ["motion", "pair"])
+def test_the_largest_extremes_are_the_spectrum(request, of):
+    """By another kernel: that of the spectra, exact between samples, of pairs over 180 directions."""
+    problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 3.0, 25))
+    found, largest = problem.extremes(samples, 0.9 * problem.wanted)
+    np.testing.assert_allclose(largest[0], problem.wanted, rtol=2e-4)
+    size = np.linalg.norm(found[VALUE:], axis=0)
+    assert np.all(size > 0.9 * problem.wanted[found[WHO].astype(int)] * (1.0 - 1e-9))
+    np.testing.assert_allclose(size[largest[1].astype(int)], largest[0], rtol=1e-15)
 
 
-def test_derivatives_of_extremes_are_their_differences(motion):
-    """Without band and envelope the row of an extreme is what it changes by with the samples."""
-    periods = np.geomspace(0.1, 2.0, 12)
-    problem, wanted = problem_of(motion, periods)
-    problem.band = np.ones_like(problem.band)
+@pytest.mark.parametrize("of", ["motion", "pair"])
+def test_derivatives_of_extremes_are_their_differences(request, of):
+    """Without an envelope the row of an extreme is what it changes by, over the target, with samples through the band,
+    but for the first ones: rows go on before the motion, where an envelope is nothing."""
+    problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 2.0, 12))
     problem.envelope = np.ones_like(problem.envelope)
-    found, largest = problem.extremes(motion.acceleration, 0.99 * wanted)
+    found, largest = problem.extremes(samples, 0.99 * problem.wanted)
     places = largest[1].astype(int)
-    rows = problem.rows(found[WHO, places].astype(int), found[WHEN, places], motion.acceleration.size)
-    change = 1e-5 * np.random.default_rng(1).normal(size=motion.acceleration.size)
-    after, before = (problem.extremes(motion.acceleration + part * change, 0.9 * wanted)[1][0] for part in (1.0, -1.0))
-    told = np.sign(found[VALUE, places]) * (rows @ change)
+    values = found[VALUE:, places]
+    rows = problem.rows(found[WHO, places].astype(int), found[WHEN, places], values / np.linalg.norm(values, axis=0))
+    change = 1e-5 * np.random.default_rng(1).normal(size=samples.shape)
+    change[:, :300] = 0.0
+    after, before = (
+        problem.extremes(samples + part * problem.filtered(change), 0.9 * problem.wanted)[1][0] for part in (1.0, -1.0)
+    )
+    told = problem.wanted * (rows @ change.ravel())
     np.testing.assert_allclose(told, 0.5 * (after - before), rtol=2e-3, atol=1e-7)  # rows are of single precision
 
 
@@ -65,7 +82,7 @@ def test_the_program_is_that_of_scipy():
     for _ in range(5):
         rows = rng.normal(size=(12, 40))
         gram, short, equal = rows @ rows.T / 40.0, rng.normal(size=12), np.arange(12) < 5
-        found = program(gram, short, equal, 1e-3)
+        found = program(gram, short, equal, np.full(12, 1e-3))
         matrix = gram + 1e-3 * np.eye(12)
         bounds = LinearConstraint(np.eye(12)[~equal], -np.inf, 0.0)
         best = minimize(
@@ -95,6 +112,31 @@ def test_a_motion_is_matched(motion, matched):
     assert columns["largest_misfit"][0] == matched.largest_misfit and columns["change"][0] == matched.change
     figure = matched.plot()
     assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["target", "scaled seed", "matched"]
+
+
+def test_a_pair_is_matched_in_rotd100(pair):
+    """By the spectrum of all directions at periods of its own; both components have one factor."""
+    matched = tdint.match(pair, TARGET, periods=(0.1, 2.0))
+    periods = np.geomspace(0.11, 1.9, 77)
+    off = tdint.rotated_spectrum(matched.record, periods, percentiles=[100]).psa[0] / matched.target.at(periods) - 1.0
+    assert np.max(np.abs(off)) < 0.02
+    assert [part.after.component for part in matched.parts] == ["HN1", "HN2"]
+    assert matched.parts[1].before.acceleration == pytest.approx(matched.factor * pair.second.acceleration)
+    (ratio, _), (before, correlation) = matched.directions
+    assert 1.0 < ratio < np.sqrt(2.0) and 1.0 < before < np.sqrt(2.0)
+    assert correlation == pytest.approx(np.corrcoef(pair.first.acceleration, pair.second.acceleration)[0, 1])
+    assert matched.to_dict()["component"] == ["HN1", "HN2"]
+
+
+def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
+    """Each motion by its own share of the target."""
+    motions = [motion, pair.second, replace(motion, acceleration=pair.second.acceleration[::-1] * 3.0)]
+    matches = tdint.match_suite(motions, TARGET, periods=(0.1, 2.0))
+    after, before = (np.array([getattr(match, name) for match in matches]) for name in ("psa", "seed_psa"))
+    off = np.mean(after, axis=0) / read_target(TARGET).at(matches[0].periods) - 1.0
+    assert np.mean(np.abs(off)) < 0.005 < np.mean(np.abs(np.mean(before, axis=0) / np.mean(after, axis=0) - 1.0))
+    scatter = [np.mean(np.std(np.log(psa), axis=0, ddof=1)) for psa in (after, before)]
+    assert scatter[0] == pytest.approx(scatter[1], abs=0.01)
 
 
 @pytest.mark.parametrize("periods", [(2.0, 0.1), (0.0, 1.0), (0.1, np.inf)])

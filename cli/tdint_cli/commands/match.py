@@ -13,7 +13,7 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import Ratio, span
+from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import read_suite
@@ -21,10 +21,15 @@ from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.matching import Match
+    from tdint.analysis.spectra.target import TargetSpectrum
     from tdint.ground_motion.record import Record
 
 MATCHED, PICTURE = "matched.csv", "matched.png"
-FORMATS = ("mseed", "csv")
+FORMATS = ("mseed", "at2", "csv")
+SUITES = ("each", "mean")
+
+PAIR = "rotd100"
+"""What stands for a pair: of its least change the derivatives are known."""
 
 _WHOLE = 1.0
 """Change over the motion above which it is another one."""
@@ -60,7 +65,21 @@ class MatchRequest(RecordsRequest):
         type=click.Choice(FORMATS),
         default=FORMATS[0],
         common=True,
-        help="Of the motions: mseed (MiniSEED, by default) or csv.",
+        help="Of the motions: mseed (MiniSEED, by default), at2 (PEER, in g) or csv.",
+    )
+    pairs: PairWish | None = options.option(
+        type=PairsType((PAIR,)),
+        metavar=f"{PAIR}[,NAMES]",
+        common=True,
+        help="Change the two horizontal components of a motion together until their RotD100 is the target. Files of a "
+        "pair are named alike but for the component, or as NAMES says: '{}_a.txt,{}_b.txt'.",
+    )
+    suite: str = options.option(
+        type=click.Choice(SUITES),
+        default=SUITES[0],
+        common=True,
+        help="each (by default): all motions to the target. mean: their mean to it, each to its own scaled spectrum "
+        "times target over mean, so that their scatter is kept.",
     )
     within: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True),
@@ -89,11 +108,11 @@ def command(request: MatchRequest) -> None:
     """Ground motions whose spectra are a target's, by the least change.
 
     RECORD is a file, or a folder for all records in it; all horizontal components are taken unless --component names
-    one. Each motion is scaled once and then changed as little as it can be, where it is strong, so that the largest
-    response at each period is the target. The table has the misfit at 1000 periods and what became of the motion,
-    beside its scaled seed. A motion that would be worse than its scaled seed is left as that.
+    one, or together with --pairs. Each motion is scaled once and then changed as little as it can be, where it is
+    strong, so that the largest response at each period is the target. The table has the misfit at 1000 periods and what
+    became of the motion, beside its scaled seed. A motion that would be worse than its scaled seed is left as that.
     """
-    from tdint.analysis.matching import match
+    from tdint.analysis.matching import match, match_suite
     from tdint.analysis.spectra.target import read_target
     from tdint.output.summary import record_summary, table_summary
 
@@ -104,20 +123,22 @@ def command(request: MatchRequest) -> None:
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     target = read_target(request.target)
-    suite = read_suite(request.records, request.choice, None)
-    records: list[Record] = list(suite.records)
-    files = _files(folder, records, request.format)
+    suite = read_suite(request.records, request.choice, request.pairs)
+    files = _files(folder, suite.records, request.format)
     check_outputs(files, overwrite=request.overwrite)
-    matches = [match(record, target, periods=request.range, damping=request.damping) for record in records]
+    wishes: dict[str, Any] = {"periods": request.range, "damping": request.damping}
+    if request.suite == "mean":
+        matches = match_suite(suite.motions, target, **wishes)
+    else:
+        matches = [match(motion, target, **wishes) for motion in suite.motions]
     table = tables.spectra.match_table(matches)
 
     def summarize() -> dict[str, Any]:
         settings = {"target": request.target, "range_s": list(request.range), "damping": request.damping}
-        settings |= {"format": request.format, "within": request.within}
-        written = [file.name for file in files]
-        return table_summary("match", settings, list(map(record_summary, records)), table.meanings) | {
-            "motions": written
-        }
+        settings |= {"format": request.format, "within": request.within, "suite": request.suite}
+        settings |= {"pairs": PAIR if request.pairs else None}
+        seeds = list(map(record_summary, suite.records))
+        return table_summary("match", settings, seeds, table.meanings) | {"motions": [file.name for file in files]}
 
     write_files(dict(zip(files, _contents(matches, request.format), strict=True)), overwrite=request.overwrite)
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
@@ -125,6 +146,8 @@ def command(request: MatchRequest) -> None:
         say(repr(matched)[1:-1] + ".")
         warn(*_doubts(matched, request.within))
     note("codes ask for more of a suite than a fit: numbers of motions, their sources, what near-fault pulses are")
+    if request.suite == "mean":
+        say(_of_mean(matches, target))
     beyond = [f"{one.seed.source} {one.seed.component}" for one in matches if one.largest_misfit > request.within]
     if suite.failures:
         raise Failures(suite.failures)
@@ -140,24 +163,48 @@ def _files(folder: Path, records: Sequence[Record], kind: str) -> list[Path]:
 
 
 def _contents(matches: Sequence[Match], kind: str) -> list[bytes]:
-    """The motions as files."""
+    """The motions as files, one for each component."""
+    from tdint.ground_motion.formats.at2 import at2_text
     from tdint.ground_motion.measures import channels_of
+    from tdint.ground_motion.reading.suites import components
     from tdint.ground_motion.record import to_mseed
 
+    records = [record for matched in matches for record in components(matched.record)]
     if kind == "csv":
-        return [tables.spectra.ground_table(matched.record).csv() for matched in matches]
-    return [to_mseed(channels_of([matched.record])[:1]).content for matched in matches]
+        return [tables.spectra.ground_table(record).csv() for record in records]
+    if kind == "at2":
+        return [
+            at2_text(record, f"MATCHED MOTION, {Path(record.source).stem}, {record.component}").encode()
+            for record in records
+        ]
+    return [to_mseed(channels_of([record])[:1]).content for record in records]
+
+
+def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
+    """How far the mean of a suite is from the target, and its scatter before and after."""
+    import numpy as np
+
+    after, before = (np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa"))
+    off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
+    scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
+    return (
+        f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at most, "
+        f"{100.0 * np.mean(np.abs(off)):.2g} % in the mean; scatter of ln Sa {scatter[0]:.3f} before, {scatter[1]:.3f} "
+        "after."
+    )
 
 
 def _doubts(matched: Match, within: float) -> list[str]:
     """What a person must see of a match."""
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
-    after, before = matched.measures
     doubts = []
     if matched.largest_misfit > within:
         doubts.append(f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} %")
     if matched.change > _WHOLE:
         doubts.append(f"{subject}: the change is {matched.change:.2g} times the motion itself: choose another one")
-    if after.pgd > _TWICE * before.pgd:
-        doubts.append(f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before")
+    for part in matched.parts:
+        after, before = part.measures
+        if after.pgd > _TWICE * before.pgd:
+            subject = f"{part.seed.source} {part.seed.component}".rstrip()
+            doubts.append(f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before")
     return doubts

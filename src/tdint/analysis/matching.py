@@ -13,23 +13,26 @@ Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyRecord, damping_of, record_of
+from tdint.analysis.given import AnyMotion, damping_of, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
+from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
+from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
-from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO, extremes
+from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO, extremes, radii
 from tdint.tabular import Tabular
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -55,8 +58,17 @@ _DAMPED, _POLISHED, _LEAST = 1e-2, 1e-4, 1e-6
 _WINDOW = 2.0
 """Half of the window of the envelope, s."""
 
-_FORGOTTEN = 14.0
-"""Exponent of an impulse response's decay beyond which it is nothing: 1e-6."""
+_UNEVEN = 0.03, 10.0
+"""Damping of a row over the others' in steps: the less the farther it is from what is asked, within these bounds."""
+
+_POWERS = 2.0, 4.0
+"""What is to fall is the sum of these powers of ln of responses over the target: far from it, and in steps."""
+
+_OF_MEAN = 4.0
+"""Weight of the mean misfit beside the largest one, which is about four times as large, where the best is chosen."""
+
+_TRIES = 6
+"""Times that a step is damped more, fourfold each."""
 
 _ORDER, _CORNER = 8, 1.0
 """Order of the band's edges; frequency (Hz) below which changes weigh more, for they move the ground far."""
@@ -68,20 +80,20 @@ class Match(Tabular):
 
     Attributes
     ----------
-    record, seed : Record
+    record, seed : Record or Horizontals
         The matched motion; the one that it was made of, as it was read.
     factor : float
         What the seed was scaled by before.
     target : TargetSpectrum
         The target.
     periods, psa, seed_psa : ndarray, shape (CHECKED,)
-        Periods, s; pseudo-accelerations of the match and of the scaled seed, m/s^2.
+        Periods, s; pseudo-accelerations of the match and of the scaled seed, of pairs RotD100, m/s^2.
     damping : float
         Damping ratio.
     """
 
-    record: Record
-    seed: Record
+    record: GroundMotion
+    seed: GroundMotion
     factor: float
     target: TargetSpectrum
     periods: Array
@@ -107,44 +119,80 @@ class Match(Tabular):
     @property
     def change(self) -> float:
         """Root mean square of the change over that of the scaled seed."""
-        scaled = self.factor * self.seed.acceleration
-        return float(np.linalg.norm(self.record.acceleration - scaled) / np.linalg.norm(scaled))
+        after, before = (
+            np.array([record.acceleration for record in components(motion)]) for motion in (self.record, self.seed)
+        )
+        scaled = self.factor * before
+        return float(np.linalg.norm(after - scaled) / np.linalg.norm(scaled))
+
+    @property
+    def parts(self) -> tuple[Match, ...]:
+        """Of each component by itself, with the spectra of the pair: itself if it is of one."""
+        if isinstance(self.record, Record):
+            return (self,)
+        each = zip(components(self.record), components(self.seed), strict=True)
+        return tuple(replace(self, record=record, seed=seed) for record, seed in each)
+
+    @property
+    def after(self) -> Record:
+        """The matched motion, of a part."""
+        return components(self.record)[0]
 
     @cached_property
     def before(self) -> Record:
-        """The scaled seed."""
-        return self.seed.scaled(self.factor)
+        """The scaled seed, of a part."""
+        return components(self.seed)[0].scaled(self.factor)
 
     @cached_property
     def measures(self) -> tuple[Measures, Measures]:
-        """Of the match, and of the scaled seed."""
-        return measure(self.record), measure(self.before)
+        """Of a part, and of its scaled seed."""
+        return measure(self.after), measure(self.before)
 
     @cached_property
     def motions(self) -> tuple[Motion, Motion]:
-        """Velocities and displacements of the ground, of the match and of the scaled seed."""
-        return integrate(self.record), integrate(self.before)
+        """Velocities and displacements of the ground, of a part and of its scaled seed."""
+        return integrate(self.after), integrate(self.before)
+
+    @cached_property
+    def directions(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
+        """Of a pair and of its seed: the mean ratio of RotD100 to RotD50, and the correlation of the accelerations."""
+        result = []
+        for motion in (self.record, self.seed):
+            if isinstance(motion, Record):
+                return None
+            middle, largest = rotated_spectrum(motion, self.periods[::10], self.damping, [50, 100]).psa
+            first, second = components(motion)
+            correlation = np.corrcoef(first.acceleration, second.acceleration)[0, 1]
+            result.append((float(np.mean(largest / middle)), float(correlation)))
+        return result[0], result[1]
 
     def _headline(self) -> str:
-        return (
+        words = (
             f"of {self.seed.source} {self.seed.component}: largest misfit {100.0 * self.largest_misfit:.2g} %, "
             f"mean {100.0 * self.mean_misfit:.2g} %, change {self.change:.2g} of the motion"
         )
+        if self.directions:
+            (ratio, correlation), (ratio_before, correlation_before) = self.directions
+            words += (
+                f", RotD100 over RotD50 {ratio_before:.3g} before and {ratio:.3g} after, correlation of the components "
+                f"{correlation_before:.2f} and {correlation:.2f}"
+            )
+        return words
 
 
 def match(
-    record: AnyRecord,
+    motion: AnyMotion,
     target: TargetSpectrum | str,
     *,
     periods: tuple[float, float] = (0.05, 4.0),
     damping: float = SA_DAMPING,
 ) -> Match:
-    """Bring the spectrum of a motion to a target by the least change.
+    """Bring the spectrum of a motion, of a pair its RotD100, to a target by the least change.
 
     Parameters
     ----------
-    record : Record, str, Path or ObsPy trace
-        The seed.
+    motion : Record, Horizontals, str, Path, ObsPy trace, or tuple of two of them
+        The seed. Both components of a pair are changed together, with one factor.
     target : TargetSpectrum or str
         A file of a spectrum, or the text of a design spectrum (`tdint.analysis.spectra.target.read_target`).
     periods : tuple of two floats
@@ -166,50 +214,101 @@ def match(
     RecordError
         The record is none, or cannot be read.
     """
-    seed, damping = record_of(record), damping_of(damping)
+    seed, damping = motion_of(motion), damping_of(damping)
+    aim, checked = _aim(target, periods, damping)
+    return _matched(seed, aim, checked, damping, _judged(seed, checked, damping))
+
+
+def match_suite(
+    motions: Sequence[AnyMotion],
+    target: TargetSpectrum | str,
+    *,
+    periods: tuple[float, float] = (0.05, 4.0),
+    damping: float = SA_DAMPING,
+) -> list[Match]:
+    """Bring the mean spectrum of motions to a target, each by the least change to its own scaled spectrum times target
+    over mean: their scatter is kept. Parameters and errors are those of `match`."""
+    seeds, damping = [motion_of(motion) for motion in motions], damping_of(damping)
+    aim, checked = _aim(target, periods, damping)
+    wanted, before = aim.at(checked), [_judged(seed, checked, damping) for seed in seeds]
+    scaled = [psa * np.exp(np.mean(np.log(wanted / psa))) for psa in before]
+    part = wanted / np.mean(scaled, axis=0)
+    name = f"{aim.source} in the mean of {len(seeds)}"
+    return [
+        _matched(seed, TargetSpectrum(name, checked, own * part), checked, damping, psa)
+        for seed, own, psa in zip(seeds, scaled, before, strict=True)
+    ]
+
+
+def _aim(target: TargetSpectrum | str, periods: tuple[float, float], damping: float) -> tuple[TargetSpectrum, Array]:
+    """A target, and the periods at which a match with it is judged."""
     aim = read_target(target) if isinstance(target, str) else target
     shortest, longest = periods
     if not 0.0 < shortest < longest < math.inf:
         raise UsageError(f"the range of periods must rise from a positive number, got {shortest:g} to {longest:g} s")
-    if seed.acceleration.size < 100 or not np.any(seed.acceleration) or not damping > 0.0:
-        raise UsageError("a motion is matched that has some acceleration and 100 samples at least, with some damping")
     if aim.damping is not None and abs(aim.damping - damping) > 1e-9:
         raise UsageError(
             f"{aim.source}: is for {100.0 * aim.damping:g} % damping, the spectra of the motion for "
             f"{100.0 * damping:g} %"
         )
     checked = np.geomspace(shortest, longest, CHECKED)
+    aim.at(checked)  # refused where it has no value
+    return aim, checked
+
+
+def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
+    """Pseudo-accelerations, m/s^2, shape (k,): of a pair RotD100."""
+    fit = all(np.any(record.acceleration) and record.acceleration.size >= 100 for record in components(motion))
+    if not (fit and damping > 0.0):
+        raise UsageError("a motion is matched that has some acceleration and 100 samples at least, with some damping")
+    if isinstance(motion, Record):
+        return spectrum(motion, periods, damping).psa
+    return np.asarray(rotated_spectrum(motion, periods, damping, [100]).psa[0])
+
+
+def _matched(seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: float, before: Array) -> Match:
+    """The match of a seed whose spectrum at the periods is `before`."""
     wanted = aim.at(checked)
-    before = spectrum(seed, checked, damping).psa
     factor = float(np.exp(np.mean(np.log(wanted / before))))
-    start = factor * seed.acceleration
+    records = components(seed)
+    start = factor * np.array([record.acceleration for record in records])
     # Match at the first periods, then let those join that are worst in between, until all are near.
-    places = np.geomspace(shortest, longest, _FIRST)
-    motion, multiplied, best, least = start, np.zeros(start.size), start, np.inf
+    places = np.geomspace(checked[0], checked[-1], _FIRST)
+    samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
-        problem = _Problem.of(seed, places, wanted=aim.at(places), damping=damping)
-        motion, multiplied = problem.rounds(start, motion, multiplied, _ROUNDS[stage], first=stage == 0)
-        off = spectrum(replace(seed, acceleration=motion), checked, damping).psa / wanted - 1.0
-        if (largest := float(np.max(np.abs(off)))) < least:
-            best, least = motion, largest
-        if least < _ENOUGH:
+        problem = _Problem.of(start, records[0].dt, places, wanted=aim.at(places), damping=damping)
+        samples, multiplied = problem.rounds(samples, multiplied, _ROUNDS[stage], first=stage == 0)
+        off = np.abs(_judged(_with_samples(seed, samples), checked, damping) / wanted - 1.0)
+        if (score := float(np.max(off) + _OF_MEAN * np.mean(off))) < least:
+            best, least = samples, score
+        if np.max(off) < _ENOUGH:
             break
-        size = np.abs(off)
-        worst = (size > _ENOUGH) & (size >= np.roll(size, 1)) & (size >= np.roll(size, -1))
+        worst = (off > _ENOUGH) & (off >= np.roll(off, 1)) & (off >= np.roll(off, -1))
         joining = [period for period in checked[worst] if np.min(np.abs(np.log(places / period))) > 0.003]
         places = np.sort(np.concatenate([places, joining]))
-    if not least < float(np.max(np.abs(factor * before / wanted - 1.0))):
-        best = start  # never a motion that is worse than its seed
-    words = f"matched to {aim.source} from {shortest:g} to {longest:g} s, {100.0 * damping:g} % damping"
-    matched = replace(seed, acceleration=best, processing=(*seed.processing, words), peaks=(None, None), compared=())
-    psa = spectrum(matched, checked, damping).psa
-    return Match(matched, seed, factor, aim, checked, psa, factor * before, damping)
+    # Never a motion that is worse than its seed
+    as_it_was = np.abs(factor * before / wanted - 1.0)
+    if not least < np.max(as_it_was) + _OF_MEAN * np.mean(as_it_was):
+        best = start
+    words = f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % damping"
+    matched = _with_samples(seed, best, words)
+    return Match(matched, seed, factor, aim, checked, _judged(matched, checked, damping), factor * before, damping)
+
+
+def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMotion:
+    """A motion with other samples, shape (components, n), and what was done to it."""
+    records = [
+        replace(record, acceleration=of_one, processing=(*record.processing, *words), peaks=(None, None), compared=())
+        for record, of_one in zip(components(motion), samples, strict=True)
+    ]
+    return records[0] if isinstance(motion, Record) else replace(motion, first=records[0], second=records[1])
 
 
 @dataclass
 class _Problem:
-    """A motion's samples, the periods at which it is matched, and what a change may be made of."""
+    """A motion's components, the periods at which they are matched, and what a change may be made of."""
 
+    start: Array
     dt: float
     wanted: Array
     omega: Array
@@ -220,124 +319,161 @@ class _Problem:
     band: Array
     size: int
     ends: Array
+    free: NDArray[np.float32]
+    impulse: NDArray[np.float32]
 
     @classmethod
-    def of(cls, seed: Record, periods: Array, *, wanted: Array, damping: float) -> _Problem:
+    def of(cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: float) -> _Problem:
         """Put it together."""
-        from scipy.fft import next_fast_len
+        from scipy.fft import irfft, next_fast_len, rfft
 
-        a, dt, omega = seed.acceleration, seed.dt, 2.0 * np.pi / periods
-        parts = 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
+        n, omega = start.shape[1], 2.0 * np.pi / periods
+        parts = len(start) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / parts, damping, 2)
         table[BY_DISPLACEMENT], table[BY_VELOCITY] = omega**2, 2.0 * damping * omega
         window = np.hanning(2 * max(int(_WINDOW / dt), 1) + 1)
-        envelope = np.sqrt(np.maximum(np.convolve(a * a, window / window.sum(), "same"), 0.0))[: a.size]
+        mean_square = np.convolve(np.sum(start**2, axis=0), window / window.sum(), "same")
+        envelope = np.sqrt(np.maximum(mean_square, 0.0))[:n]
+        # The band; its own response to one sample ends within `reach` samples to either side.
         low, high = 0.6 / periods[-1], min(1.5 / periods[0], 0.45 / dt)
-        size = next_fast_len(a.size + int(3.0 / low / dt), real=True)
+        reach = int(3.0 / low / dt)
+        size = next_fast_len(n + 2 * reach, real=True)
         f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)
-        band = 1.0 / np.sqrt((1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER))
-        band *= np.minimum(f / _CORNER, 1.0)
+        band = np.minimum(f / _CORNER, 1.0) / np.sqrt((1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER))
         band[0] = 0.0
-        left = np.arange(a.size - 1, -1, -1.0)  # what a sample does to the last velocity and displacement
-        ends = np.stack([np.full(a.size, dt), dt * dt * left])
-        return cls(dt, wanted, omega, damping, parts, table, envelope / envelope.max(), band, size, ends)
+        left = np.arange(n - 1, -1, -1.0)  # what a sample does to the last velocity and displacement
+        ends = np.stack([np.full(n, dt), dt * dt * left])
+        # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach` before the moment.
+        rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
+        vibrations = np.exp(rate[:, None] * dt * np.arange(n))
+        vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
+        lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
+        band32, after = band.astype(np.float32), np.concatenate([np.arange(n - 1, -1, -1), -np.arange(1, reach + 1)])
+        free = irfft(rfft(lines, size) * band32, size)[..., after]
+        impulse = irfft(band32, size)[after]
+        envelope /= envelope.max()
+        return cls(start, dt, wanted, omega, damping, parts, table, envelope, band, size, ends, free, impulse)
 
-    def filtered(self, rows: NDArray[np.floating[Any]]) -> Array:
-        """Rows of samples, through the band, in single precision where they are."""
+    def filtered(self, rows: Array) -> Array:
+        """Rows of samples, through the band."""
         from scipy.fft import irfft, rfft
 
-        n, band = rows.shape[-1], self.band.astype(rows.dtype)
-        return np.asarray(irfft(rfft(rows, self.size) * band, self.size)[..., :n])
+        return np.asarray(irfft(rfft(rows, self.size) * self.band, self.size)[..., : rows.shape[-1]])
 
-    def extremes(self, motion: Array, level: Array) -> tuple[Array, Array]:
-        """Extremes above a level, rows WHO, WHEN, VALUE; the largest of each oscillator, and its place among them."""
-        found, largest = np.empty((3, 400 * level.size)), np.empty((2, level.size))
-        kernel = extremes.variant(EVERYTHING)
-        count = kernel(np.array(motion), self.dt, self.parts, self.table, level, found, largest)
+    def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
+        """Extremes above a level, rows WHO, WHEN and VALUE of each component; the largest of each oscillator, and its
+        place among them."""
+        found, largest = np.empty((VALUE + len(samples), 400 * level.size)), np.empty((2, level.size))
+        kernel = (extremes if len(samples) == 1 else radii).variant(EVERYTHING)
+        motions = np.array(samples[0] if len(samples) == 1 else samples)
+        count = kernel(motions, self.dt, self.parts, self.table, level, found, largest)
         largest[0] = np.maximum(largest[0], np.finfo(float).tiny)  # of what does not move: ln of nothing is none
         return found[:, :count], largest
 
-    def rows(self, who: Array, when: Array, n: int) -> Array:
-        """Derivatives of pseudo-accelerations at a moment with respect to the samples, through band and envelope.
+    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> NDArray[np.float32]:
+        """Derivatives of sizes of extremes with respect to the samples of all components, through band and envelope.
 
-        A sample changes the ground by a hat. The response at a moment to it is that of an oscillator to the second
-        difference of a ramp, in closed form.
+        A sample changes the ground by a hat, the second difference of a ramp. Once the hat is over, the oscillator
+        vibrates freely: what an earlier sample does to a moment is one vibration, by its cosine and its sine.
         """
-        result, w, z, dt = np.zeros((who.size, n), np.float32), self.omega[who], self.damping, self.dt
-        damped = w * math.sqrt(1.0 - z * z)
+        n, w, z, dt = self.envelope.size, self.omega[who], self.damping, self.dt
+        before = np.minimum((when / dt).astype(int), n - 2)
+        late = when - dt * before
+        # Displacement over -g for a ground acceleration t / dt: a particular solution, less the vibration from rest.
+        rate = w * complex(-z, math.sqrt(1.0 - z * z))
+        constant = 2.0 * z / (w**3 * dt)
+        begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
+        ramps = [-t / dt / w**2 + constant - (begun * np.exp(rate * t)).real for t in (late + dt, late)]
+        after = -w * w * begun * (np.exp(rate * dt) - 2.0 + np.exp(-rate * dt)) * np.exp(rate * late)
+        about = w * w * np.stack([ramps[0] - 2.0 * ramps[1], ramps[1]])
+        parts = np.stack([after.real, -after.imag, *about], axis=1).astype(np.float32)
+        reach = self.impulse.size - n
+        result = np.zeros((who.size, len(directions), n), np.float32)
+        for row, k, part, moment in zip(result, who, parts, before, strict=True):
+            first, stop = n - 1 - moment, min(n, moment + 1 + reach)
+            inside = slice(first, first + stop)
+            line = part[:2] @ self.free[k, :, inside] + part[2] * self.impulse[inside]
+            line += part[3] * self.impulse[first - 1 : first - 1 + stop]
+            row[:, :stop] = line
+        result *= (directions.T / self.wanted[who, None]).astype(np.float32)[:, :, None]
+        result *= self.envelope.astype(np.float32)
+        return result.reshape(who.size, -1)
 
-        def ramp(t: Array, k: int) -> Array:
-            """Displacement over -g for a ground acceleration t / dt from rest, 0 before."""
-            t = np.maximum(t, 0.0)
-            c = 2.0 * z / (w[k] ** 3 * dt)
-            free = c * np.cos(damped[k] * t)
-            free += (c * z * w[k] - 1.0 / (w[k] ** 2 * dt)) / damped[k] * np.sin(damped[k] * t)
-            return np.asarray(-(t / dt) / w[k] ** 2 + c - np.exp(-z * w[k] * t) * free)
+    def asked(self, found: Array, largest: Array) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
+        """What a change is asked for, a row each: oscillator, moment, direction over the components, how much is short
+        of the target over it, and whether it is to be the target or not to exceed it."""
+        who, values = found[WHO].astype(int), found[VALUE:]
+        size = np.linalg.norm(values, axis=0)
+        # The largest of each period is to be the target, others above `_NEAR` of it no more than that.
+        equal = np.zeros(who.size, bool)
+        moved = largest[1] >= 0.0  # an oscillator that the motion does not move has none
+        equal[largest[1, moved].astype(int)] = True
+        relative = np.where(equal, np.inf, size / self.wanted[who])
+        cut = max(_NEAR, np.sort(relative)[-min(int(_MOST * self.omega.size), relative.size)])
+        held = np.flatnonzero(equal | (relative >= min(cut, 1.0)))
+        who, equal = who[held], equal[held]
+        short = 1.0 - size[held] / self.wanted[who]
+        short = np.where(equal | (short < 0.0), np.clip(short, -_CLIP, _CLIP), short)
+        return who, found[WHEN, held], values[:, held] / size[held], short, equal
 
-        for k in range(who.size):
-            # Samples from those of which nothing is left to the one after the moment
-            last = min(int(when[k] / dt) + 2, n)
-            begin = max(0, last - 3 - int(_FORGOTTEN / (z * w[k] * dt)))
-            values = ramp(when[k] - dt * np.arange(begin - 1, last + 1), k)
-            result[k, begin:last] = w[k] ** 2 * (values[:-2] - 2.0 * values[1:-1] + values[2:])
-        return self.filtered(result) * self.envelope.astype(np.float32)
+    def rounds(
+        self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool
+    ) -> tuple[Array, NDArray[np.float32]]:
+        """The samples after some rounds, and what the band and the envelope make their change of."""
+        from scipy.linalg.blas import ssyrk
 
-    def rounds(self, start: Array, motion: Array, multiplied: Array, most: int, *, first: bool) -> tuple[Array, Array]:
-        """The motion after some rounds, and what the band and the envelope make its change of."""
         damped, stepwise = _DAMPED if first else _POLISHED, not first
-        ends = self.filtered(self.ends) * self.envelope
-        found, largest = self.extremes(motion, _NEAR * self.wanted)
-        merit = float(np.sum(np.log(largest[0] / self.wanted) ** 2))
-        best, least = (motion, multiplied), float(np.max(np.abs(largest[0] / self.wanted - 1.0)))
+        ends = np.kron(np.eye(len(samples)), self.ends)
+        weighted = np.kron(np.eye(len(samples)), self.filtered(self.ends) * self.envelope).astype(np.float32)
+        found, largest = self.extremes(samples, _NEAR * self.wanted)
+        merit, misfit = self.merits(largest, stepwise)
+        best, least = (samples, multiplied), misfit
         for number in range(most):
-            misfit = float(np.max(np.abs(largest[0] / self.wanted - 1.0)))
-            if misfit < least:
-                best, least = (motion, multiplied), misfit
             if misfit < 0.5 * _ENOUGH:
                 break
             if np.any(largest[1] < 0.0):
-                found, largest = self.extremes(motion, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0]))
-            # The largest of each period is to be the target, others above `_NEAR` of it no more than that.
-            who, size = found[WHO].astype(int), np.abs(found[VALUE])
-            equal = np.zeros(who.size, bool)
-            known = largest[1] >= 0.0  # an oscillator that the motion does not move has none
-            equal[largest[1, known].astype(int)] = True
-            relative = np.where(equal, np.inf, size / self.wanted[who])
-            cut = max(_NEAR, np.sort(relative)[-min(int(_MOST * self.omega.size), relative.size)])
-            held = np.flatnonzero(equal | (relative >= min(cut, 1.0)))
-            who, equal = who[held], equal[held]
-            short = np.clip(1.0 - size[held] / self.wanted[who], -_CLIP, _CLIP)
-            short = np.where(equal | (short < 0.0), short, 1.0 - size[held] / self.wanted[who])
-            table = np.vstack([self.rows(who, found[WHEN, held], motion.size), ends.astype(np.float32)])
-            table[: who.size] *= (np.sign(found[VALUE, held]) / self.wanted[who]).astype(np.float32)[:, None]
-            short = np.concatenate([short, -self.ends @ (motion - start)])
-            equal = np.concatenate([equal, [True, True]])
-            gram = (table @ table.T).astype(np.float64)
+                found, largest = self.extremes(samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0]))
+            # The quadratic program: each row's derivatives, how much it is short of, all rows' products
+            who, when, directions, short, equal = self.asked(found, largest)
+            table = np.vstack([self.rows(who, when, directions), weighted])
+            short = np.concatenate([short, -ends @ (samples - self.start).ravel()])
+            equal = np.concatenate([equal, np.ones(len(ends), bool)])
+            half = ssyrk(1.0, table.T, trans=True)
+            gram = np.triu(half).astype(float) + np.triu(half, 1).T
             scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
             gram *= scales[:, None] * scales
             if not stepwise and (misfit < _STEPWISE or 2 * number > most):
                 stepwise, damped = True, min(damped, _POLISHED)
+                merit, _ = self.merits(largest, stepwise)
             toward = short if stepwise else short + table @ multiplied
+            uneven = np.ones(short.size)
             if stepwise:
-                _exchange(gram, toward * scales, equal, damped, who, scales)
-            tried = 0
-            for tried in range(6):  # noqa: B007
-                multipliers = scales * program(gram, toward * scales, equal, damped)
+                far = np.abs(short) + 1e-4  # closer than a hundredth of a percent nobody asks
+                uneven = np.clip(np.median(far) / far, *_UNEVEN)
+                _exchange(gram, toward * scales, equal, damped * uneven, who, scales)
+            # The step, more damped until it is one towards the target
+            for tried in range(_TRIES):  # noqa: B007
+                multipliers = (scales * program(gram, toward * scales, equal, damped * uneven)).astype(np.float32)
                 update = multipliers @ table - (0.0 if stepwise else 1.0) * multiplied
-                change = self.filtered(self.envelope * update)
-                new_found, new_largest = self.extremes(motion + change, _NEAR * self.wanted)
-                new_merit = float(np.sum(np.log(new_largest[0] / self.wanted) ** 2))
+                changed = samples + self.filtered(self.envelope * update.reshape(samples.shape))
+                found, largest = self.extremes(changed, _NEAR * self.wanted)
+                new_merit, misfit = self.merits(largest, stepwise)
                 if new_merit < merit:
                     break
                 damped *= 4.0
-            motion, multiplied = motion + change, multiplied + update
-            found, largest, merit = new_found, new_largest, new_merit
+            samples, multiplied, merit = changed, multiplied + update, new_merit
             damped = max(damped / 5.0, _LEAST) if tried == 0 else damped
-        misfit = float(np.max(np.abs(largest[0] / self.wanted - 1.0)))
-        return (motion, multiplied) if misfit < least else best
+            if misfit < least:
+                best, least = (samples, multiplied), misfit
+        return best
+
+    def merits(self, largest: Array, stepwise: bool) -> tuple[float, float]:
+        """Sum of powers of ln of the largest extremes over the target; the largest of their misfits."""
+        part = largest[0] / self.wanted
+        return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(np.max(np.abs(part - 1.0)))
 
 
-def _exchange(gram: Array, short: Array, equal: Bools, damped: float, who: Array, scales: Array) -> None:
+def _exchange(gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array) -> None:
     """Where another extreme of a period comes nearer to its target than the largest one, it becomes the equality."""
     for _ in range(2):
         left = (short - gram @ program(gram, short, equal, damped)) / scales
@@ -350,8 +486,8 @@ def _exchange(gram: Array, short: Array, equal: Bools, damped: float, who: Array
             return
 
 
-def program(gram: Array, short: Array, equal: Bools, damped: float) -> Array:
-    """Multipliers l of the least l' (G + damped) l / 2 - short' l, of inequalities (not `equal`) none above 0.
+def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
+    """Multipliers l of the least l' (G + diag(damped)) l / 2 - short' l, of inequalities (not `equal`) none above 0.
 
     A primal-dual active set: those above 0 leave it, those whose bound is passed join.
     """
@@ -362,11 +498,11 @@ def program(gram: Array, short: Array, equal: Bools, damped: float) -> Array:
     for _ in range(20):
         places = np.flatnonzero(active)
         part = gram[np.ix_(places, places)]
-        part[np.diag_indices(places.size)] += damped
+        part[np.diag_indices(places.size)] += damped[places]
         try:
             factors = cho_factor(part, check_finite=False)
         except np.linalg.LinAlgError:
-            damped = max(10.0 * damped, 1e-5)
+            damped = np.maximum(10.0 * damped, 1e-5)
             continue
         result[:] = 0.0
         result[places] = cho_solve(factors, short[places], check_finite=False)

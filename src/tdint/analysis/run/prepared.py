@@ -41,7 +41,7 @@ from tdint.kernels.march.march import END_COLUMNS, many, march
 from tdint.kernels.march.observing import begin, raise_shears, take_stock
 from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
-from tdint.kernels.oscillators.extremes import extremes
+from tdint.kernels.oscillators.extremes import extremes, radii
 from tdint.kernels.oscillators.modal_sums import largest_drifts
 from tdint.kernels.oscillators.rotated import rotated_peaks
 from tdint.kernels.stepping import Memory, Scene
@@ -608,7 +608,7 @@ def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], ste
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
-    others = (many, follow, peaks, extremes, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    others = (many, follow, peaks, extremes, radii, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 
 

@@ -12,6 +12,8 @@ from typing import Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes
 from tdint.ground_motion.formats.series import Codes, Series, code, motion_units, reader, required_units
+from tdint.ground_motion.record import Record
+from tdint.units import STANDARD_GRAVITY
 
 _COUNT_AND_STEP = (
     re.compile(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})", re.IGNORECASE),
@@ -68,6 +70,14 @@ def read_at2(lines: Lines) -> list[Series]:
     named = (match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1]))
     units = next((required_units(name, quantity) for name in named), "")
     return [Series(values, step, units, **codes)]
+
+
+def at2_text(record: Record, title: str) -> str:
+    """A record in this format, g to nine digits; `title` is the second line, which PEER gives event and component."""
+    rows = record.acceleration / STANDARD_GRAVITY
+    head = ("PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT", title, "ACCELERATION TIME SERIES IN UNITS OF G")
+    values = ["".join(f"{value:16.8E}" for value in rows[i : i + 5]) for i in range(0, rows.size, 5)]
+    return "\n".join((*head, f"NPTS= {rows.size}, DT= {record.dt!r} SEC", *values, ""))
 
 
 def _matches(lines: list[str]) -> bool:

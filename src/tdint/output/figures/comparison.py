@@ -417,30 +417,41 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
 
 
 def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
-    """Picture of a matched motion beside its scaled seed: spectra with the target, histories, growth of energy."""
+    """Picture of a matched motion beside its scaled seed: spectra with the target, and of each component histories and
+    growth of energy."""
     units = units.in_pictures
-    figure = Figure(figsize=(7.5, 9.5), layout="constrained")
-    axes, *rest = figure.subplots(5, 1, height_ratios=(2.2, 1, 1, 1, 1))
-    draw_match(axes, matched, units)
+    parts = matched.parts
+    figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
+    grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
+    draw_match(figure.add_subplot(grid[0, :]), matched, units)
     # Histories, the seed behind the match
-    records, motions = (matched.before, matched.record), matched.motions[::-1]
-    for record, motion, look in zip(records, motions, _MATCHED.values(), strict=True):
-        energy = np.cumsum(record.acceleration**2)
-        rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
-        time = record.dt * np.arange(record.acceleration.size)
-        for place, (values, si) in enumerate(zip(rows, ("m/s^2", "m/s", "m", ""), strict=True)):
-            rest[place].plot(time, units.of(values, si) if si else 100.0 * values, **look)
     names = (("acceleration", "m/s^2"), ("velocity", "m/s"), ("displacement", "m"))
-    for below, (name, si) in zip(rest, names, strict=False):
-        below.set_ylabel(f"{name} ({units.label(si)})")
-    rest[3].set(ylabel="Arias intensity (%)", xlabel="time (s)")
+    for column, part in enumerate(parts):
+        below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
+        for record, motion, look in zip((part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True):
+            energy = np.cumsum(record.acceleration**2)
+            rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
+            time = record.dt * np.arange(record.acceleration.size)
+            for axes, values, si in zip(below, rows, ("m/s^2", "m/s", "m", ""), strict=True):
+                axes.plot(time, units.of(values, si) if si else 100.0 * values, **look)
+        below[3].set_xlabel("time (s)")
+        if column == 0:
+            for axes, (name, si) in zip(below, names, strict=False):
+                axes.set_ylabel(f"{name} ({units.label(si)})")
+            below[3].set_ylabel("Arias intensity (%)")
+        if len(parts) > 1:
+            below[0].set_title(part.after.component, fontsize="medium")
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
     aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
-    add_title(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping")
+    of_pair = ", RotD100" if len(parts) > 1 else ""
+    add_title(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
     return figure
 
 
-_MATCHED = {"scaled seed": {"color": "0.6", "linewidth": 0.9}, "matched": {"color": COLORS[0], "linewidth": 0.9}}
+_MATCHED: dict[str, dict[str, Any]] = {
+    "scaled seed": {"color": "0.6", "linewidth": 0.9},
+    "matched": {"color": COLORS[0], "linewidth": 0.9},
+}
 
 
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:

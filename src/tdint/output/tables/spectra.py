@@ -210,7 +210,12 @@ def _at_end(place: int) -> Callable[[Any], Any]:
 
 MATCHED = (
     Column("factor", "1", "factor", "factor on the seed before it was changed"),
-    Column("largest_misfit", "1", "largest_misfit", "largest difference from the target over it, at 1000 periods"),
+    Column(
+        "largest_misfit",
+        "1",
+        "largest_misfit",
+        "largest difference from the target over it, at 1000 periods, of a pair in RotD100",
+    ),
     Column("mean_misfit", "1", "mean_misfit", "mean of these differences"),
     Column("change", "1", "change", "root mean square of the change over that of the scaled seed"),
     *(
@@ -237,8 +242,8 @@ MATCHED = (
 
 
 def match_table(matches: Sequence[Match]) -> Table:
-    """A row for each motion that was matched to a target."""
-    return record_table(MATCHED, matches)
+    """A row for each component of the motions that were matched to a target."""
+    return record_table(MATCHED, [part for matched in matches for part in matched.parts])
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
