@@ -23,11 +23,14 @@ from tdint.analysis.chart.problem import (
     pose,
 )
 from tdint.analysis.chart.work_precision import (
+    BY_TOLERANCE,
+    CHOOSING,
     Peer,
     PerformanceProfile,
     Point,
     Progress,
     Timing,
+    by_tolerance,
     performance_ratios,
     silent,
     suited,
@@ -76,7 +79,7 @@ _FINER = (32, 128)  # and the second method: the latter where the former does no
 _SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
 _FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
-_SHARE = 0.2  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
+_SHARE = 0.3  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
 _REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
@@ -170,6 +173,11 @@ COARSE = 0.03  # relative error: between 10 and 1 %, where coarse steps are chos
 PEER = "/"  # in the name of a line that is another program's: program/method
 
 
+def of_steps(line: str) -> bool:
+    """Whether a line is that of a method of ours with steps that are given."""
+    return PEER not in line and not line.endswith(BY_TOLERANCE)
+
+
 @dataclass(frozen=True, repr=False)
 class FieldChart(Tabular):
     """Many problems, and the performance profiles of the methods over them.
@@ -190,17 +198,17 @@ class FieldChart(Tabular):
 
     @property
     def lines(self) -> list[str]:
-        """The methods, other programs behind ours."""
+        """The methods, behind them what chooses its steps, then other programs."""
         lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
-        return sorted(lines, key=lambda line: PEER in line)
+        return sorted(lines, key=lambda line: (PEER in line, not of_steps(line)))
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
         """By quantity, by tolerance, by method: over all problems whose references are known well enough; one that a
-        method does not take is one that it does not solve. Another program's costs are over the least of ours, which
-        it does not change."""
+        method does not take is one that it does not solve. The costs of what chooses its steps, and of another program,
+        are over the least of ours, which they do not change."""
         profiles = []
-        our_lines = [line for line in self.lines if PEER not in line]
+        our_lines = [line for line in self.lines if of_steps(line)]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
             sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
             if not sure:
@@ -214,7 +222,7 @@ class FieldChart(Tabular):
                 if line in our_lines:
                     ratios = our_ratios[:, our_lines.index(line)]
                 else:
-                    # Where none of our methods solves the problem and this program does, the ratio is 0.
+                    # Where none of our methods solves the problem and this line does, the ratio is 0.
                     ratios = np.array([costs.get(line, math.nan) for costs in judged]) / least
                     ratios[np.isnan(ratios)] = math.inf
                 profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
@@ -232,7 +240,7 @@ class FieldChart(Tabular):
     def leaders(self) -> Leaders:
         """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
         3 % and more; and what fails least, with the least worst ratio. What a method does not take it fails."""
-        profiles = [profile for profile in self.profiles if PEER not in profile.method]
+        profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
@@ -253,7 +261,7 @@ class FieldChart(Tabular):
         )
 
     def _headline(self) -> str:
-        return f"of {how_many(len(self.lines), 'method')}, {how_many(len(self.measured), 'problem')}"
+        return f"of {how_many(sum(map(of_steps, self.lines)), 'method')}, {how_many(len(self.measured), 'problem')}"
 
 
 # ---- One problem
@@ -264,6 +272,7 @@ def measure_problem(
     integrators: Sequence[Integrator],
     *,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> Measured:
@@ -274,6 +283,8 @@ def measure_problem(
     ----------
     repeats : int
         How often these are timed.
+    tolerances : sequence of float
+        Of peak drifts: lines of moment4 and impulse4, of those asked for, that choose their steps for them.
     peers : bool
         OpenSeesPy, too, where it is installed and can do the building.
 
@@ -315,6 +326,15 @@ def measure_problem(
                 again = posed.case(pair[0]).march(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.march_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
+    # What chooses its steps: all that `tdint run --tolerance` takes
+    choosing = [
+        point
+        for integrator in able
+        if integrator.label in CHOOSING
+        for point in by_tolerance(
+            posed, integrator, tolerances, lambda run: PeakErrors.between(run.stories, true.stories), repeats
+        )
+    ]
     others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
@@ -327,7 +347,7 @@ def measure_problem(
         changes=int(true.events),
         confirmed_by=confirmed_by,
         gap=gap,
-        points=(*points.values(), *others),
+        points=(*points.values(), *choosing, *others),
         peer_gap=agreed,
         peer_note=said,
     )
@@ -402,6 +422,7 @@ def chart_many(
     problems: str | Path | None = None,
     method: str | Iterable[str] = METHODS,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
@@ -418,6 +439,8 @@ def chart_many(
         Specifications; those for linear buildings are given these only.
     repeats : int
         How often a step is timed that may be the cheapest for a tolerance.
+    tolerances : sequence of float
+        As of `measure_problem`.
     peers : bool
         OpenSeesPy, too, on the problems whose laws it has.
     progress : callable
@@ -443,7 +466,7 @@ def chart_many(
         given = crossed(models, records)
     else:
         raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
-    return measure_all(given, chosen(method), repeats=repeats, peers=peers, progress=progress)
+    return measure_all(given, chosen(method), repeats=repeats, tolerances=tolerances, peers=peers, progress=progress)
 
 
 def measure_all(
@@ -451,6 +474,7 @@ def measure_all(
     integrators: Sequence[Integrator],
     *,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
@@ -461,7 +485,9 @@ def measure_all(
         def tell(act: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
             progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
-        measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers, progress=tell))
+        measured.append(
+            measure_problem(problem, integrators, repeats=repeats, tolerances=tolerances, peers=peers, progress=tell)
+        )
     return field_chart(measured)
 
 
