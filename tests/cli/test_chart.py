@@ -47,21 +47,31 @@ def test_table_words_and_files(folder, tdint, drawn):
     for row in table:
         assert 0.0 < float(row["time_min_s"]) <= float(row["time_s"])
         assert all(0.0 < float(row[name]) < 1.0 for name in row if name.endswith("_error"))
-    passing = "As cheap, to what the clock tells apart: "  # as the clock has it
-    assumed, *lines = (line for line in result.stderr.splitlines() if not line.startswith(passing))
+    assumed, *lines = result.stderr.splitlines()
     assert assumed.startswith("Warning: motion.mseed: ")
     assert lines[0].startswith("2 stories: the reference is impulse4 with dt ")
     told = re.search(r"impulse4 with dt (\S+) s.* newmark-average extrapolated from dt (\S+) and (\S+) s", lines[0])
     assert [float(told[1]) / float(told[i]) for i in (2, 3)] == pytest.approx([4.0, 8.0], rel=1e-3)
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
-        assert re.fullmatch(rf"For {limit} % \(peak-drift\): .* with dt 0.0[12] s, .* ms, error .* %\.", line)
+        best = (
+            rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, told (\S+) % of the peak drifts"
+        )
+        others = r"(; next best: \S+ with dt \S+ s, \S+ times as long, error \S+ %)?"
+        usual = r"(; newmark-average with dt 0.01 s, \S+ times as long, error \S+ %)?"
+        stated = re.fullmatch(f"{best}{others}{usual}\\.", line)
+        # What `tdint run` with this method and step says of its peaks
+        words = ("--method", stated[1], "--dt", stated[2])
+        peaks = rows(tdint("run", "shaken.yaml", *words, code=0).stdout)
+        off = max(float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in peaks)
+        assert float(stated[3]) == pytest.approx(100.0 * off, rel=0.06)  # two digits
     assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")
     assert not any(line.startswith("note: ") for line in lines)
 
     summary = json.loads((folder / "x.json").read_text())
     assert summary["interval_s"] == 0.01
     assert [one["limit"] for one in summary["recommended"]] == [0.01, 0.001]
-    assert all(0.0 < one["error"] <= one["limit"] for one in summary["recommended"])
+    assert all(0.0 < one["error"] <= one["limit"] and one["told_error"] > 0.0 for one in summary["recommended"])
+    assert all(one["next_best"]["method"] != one["method"] for one in summary["recommended"] if one["next_best"])
     assert (summary["model"]["file"], summary["record"]["component"]) == ("shaken.yaml", "HNE")
     (reference,) = summary["references"]
     assert reference["method"] == "impulse4"
@@ -232,6 +242,8 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
         (["--target", "force"], 2, "Invalid value for '--target'"),
+        (["--highlight", "hht", "--plot", "y.png", *QUICK], 2, "is not among the methods: impulse4, newmark-average"),
+        (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
         (["--method", "exact"], 2, "exact integrates linear buildings only"),
         (["--scale", "0"], 2, "must be a number other than zero"),

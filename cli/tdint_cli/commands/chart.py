@@ -22,9 +22,11 @@ from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
+    from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.profiles import FieldProblem
     from tdint.analysis.chart.work_precision import Chart, Point, Timing
     from tdint.ground_motion.record import Record
+    from tdint.methods.method import Integrator
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.summary import Advice
@@ -124,6 +126,13 @@ class Request(options.record.RecordRequest):
         common=True,
         help="Draw time (default), steps or solves over error, or error over dt.",
     )
+    highlight: str = options.option(
+        needs="--plot",
+        default="",
+        common=True,
+        metavar="NAME",
+        help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
+    )
     cache: bool = options.option(
         "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
     )
@@ -194,16 +203,17 @@ def command(request: Request) -> None:
             from tdint.analysis.chart.problem import stretched
 
             # Of each number of stories; without other programs nothing is left out.
+            advice: list[Advice] = []
             charts, left_out = [], list[str]()
             share = 1.0 / len(request.stories)
             for done, count in enumerate(request.stories):
                 part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
-                charts.append(_chart(request, stretched(model, count), record, part)[0])
+                chart, advice, _ = _chart(request, stretched(model, count), record, part)
+                charts.append(chart)
         else:
-            chart, left_out = _chart(request, model, record, progress)
+            chart, advice, left_out = _chart(request, model, record, progress)
             charts = [chart]
-    # Recommendations are for one building whose errors of peaks say something.
-    advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
+    advice = advice if len(charts) == 1 else []  # for one building
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, charts, model, record, advice, notes)
     for chart in charts:
@@ -257,7 +267,7 @@ def _chart_many(request: Request) -> None:
     from tdint.output.summary import field_summary
 
     given = _problems(request)
-    integrators = options.analysis.integrators(request.methods or METHODS)
+    integrators = _integrators(request, METHODS)
     with progress_bar(request.outputs.table is None) as progress:
         chart = measure_all(given, integrators, repeats=request.repeat, peers=request.peers, progress=progress)
     # Problems whose references are not known well enough for all tolerances
@@ -271,7 +281,7 @@ def _chart_many(request: Request) -> None:
     table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: figures.comparison.profile_picture(chart, target=request.target),
+        lambda: figures.comparison.profile_picture(chart, target=request.target, highlight=request.highlight),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
     )
     leaders = chart.leaders()
@@ -302,12 +312,24 @@ def _problems(request: Request) -> list[FieldProblem]:
     return crossed(models, ())
 
 
-def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
+def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
+    """The methods of a chart, after the one to highlight was found among them, or may be another program's."""
+    integrators = options.analysis.integrators(request.methods or usual)
+    labels = [integrator.label for integrator in integrators]
+    programs = tables.methods.PEER in request.highlight or request.tolerances
+    if request.highlight and request.highlight not in labels and not programs:
+        raise UsageError(f"--highlight {request.highlight} is not among the methods: {', '.join(labels)}")
+    return integrators
+
+
+def _chart(
+    request: Request, model: Model, record: Record | None, progress: Progress
+) -> tuple[Chart, list[Advice], list[str]]:
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import DEFAULT_METHODS, default_steps, halved_steps, measure, suited
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
-    integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
+    integrators = suited(problem, _integrators(request, DEFAULT_METHODS))
     # The steps: as they are given, halved so often, or for many stories the sampling interval alone
     if request.steps:
         steps: Sequence[float] = request.steps
@@ -318,8 +340,8 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     problem = ending_together(problem, steps)
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
-    def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
-        return [(advice.point.line, advice.point.dt) if advice.point else None for advice in _advice(request, points)]
+    def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
+        return [(point.line, point.dt) for limit in LIMITS for point in _best(request, points, limit)[:1]]
 
     chart = measure(
         problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
@@ -328,6 +350,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
         from tdint.analysis.chart.work_precision import with_tolerances
 
         chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
+    advice = [] if _peaks_at_start(request, chart) else _advice(request, chart, problem)
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:
@@ -339,18 +362,31 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
 
         chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
         left_out = [*left_out, *more]
-    return chart, left_out
+    return chart, advice, left_out
 
 
-def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
-    from tdint.analysis.chart.work_precision import cheapest, ties
+def _best(request: Request, points: Sequence[Point], limit: float) -> list[Point]:
+    """The cheapest point within a limit, and that of another method, as far as there are any."""
+    from tdint.analysis.chart.work_precision import cheapest
+
+    best: list[Point] = []
+    for _ in range(2):
+        left = [point for point in points if point.line not in [one.line for one in best]]
+        best += filter(None, [cheapest(left, request.target, limit)])
+    return best
+
+
+def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
+    from tdint.methods.catalogue import parse
     from tdint.output.summary import Advice
 
-    of_ours = [point for point in points if tables.methods.PEER not in point.line and not math.isnan(point.dt)]
-    return [
-        Advice(limit, cheapest(of_ours, request.target, limit), ties(of_ours, request.target, limit))
-        for limit in LIMITS
-    ]
+    advice = []
+    ours = [point for point in chart.points if not math.isnan(point.dt)]
+    for limit in LIMITS:
+        best, other = (*_best(request, ours, limit), None, None)[:2]
+        told = problem.told(parse(best.method), problem.steps(best.dt)) if best else math.nan
+        advice.append(Advice(limit, best, other, told))
+    return advice
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -370,8 +406,10 @@ def _deliver(
 
     def draw() -> Figure:
         if request.stories:
-            return figures.assessment.sizes_picture(charts, name=name, target=target)
-        return figures.assessment.chart_picture(charts[0], name=name, target=target, versus=request.versus)
+            return figures.assessment.sizes_picture(charts, name=name, target=target, highlight=request.highlight)
+        return figures.assessment.chart_picture(
+            charts[0], name=name, target=target, versus=request.versus, highlight=request.highlight
+        )
 
     def summarize() -> dict[str, Any]:
         return chart_summary(
@@ -388,11 +426,17 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
     for advised in advice:
         goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
-        if advised.point:
-            say(f"{goal}{advised.point.line} with dt {advised.point.dt:.6g} s, {cost(advised.point)}.")
-            if advised.ties:
-                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in advised.ties)
-                say(f"As cheap, to what the clock tells apart: {others}.")
+        if best := advised.point:
+            told = f", told {100.0 * advised.told:.2g} % of the peak drifts" if advised.told < math.inf else ""
+            # Over its time that of another method, and that of the usual choice
+            others = [("next best: ", advised.next_best), ("", chart.usual)]
+            words = [
+                f"; {word}{other.line} with dt {other.dt:.6g} s, {other.fastest / best.fastest:.2g} times as long, "
+                f"error {100.0 * other.error(request.target):.2g} %"
+                for word, other in others
+                if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
+            ]
+            say(f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{told}{''.join(words)}.")
         else:
             say(f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings.")
     whose = "record" if chart.recorded else "model"

@@ -53,6 +53,11 @@ def catalogue() -> dict[str, Method]:
     return _known()
 
 
+def is_ours(name: str) -> bool:
+    """Whether a method is none of a plug-in."""
+    return any(method.name == name for family in FAMILIES for method in family.METHODS)
+
+
 def register_method(method: Method, where: str | Origin = "") -> None:
     """Make a method known by its name, to everything that takes methods.
 

@@ -258,11 +258,13 @@ def _version(package: str) -> str | None:
 
 @dataclass(frozen=True)
 class Advice:
-    """What is recommended for an error within a limit, None where no point of the chart is; and what costs the same."""
+    """What is recommended for an error within a limit, None where no point of the chart is; the best of another method;
+    and the largest error of a peak drift, over it, that `tdint run` tells."""
 
     limit: float
     point: Point | None
-    ties: Sequence[Point] = ()
+    next_best: Point | None
+    told: float
 
 
 def chart_summary(
@@ -301,7 +303,10 @@ def chart_summary(
         "recommended": [
             {"limit": advised.limit}
             | (_point(advised.point, target) if advised.point else {"method": None})
-            | {"ties": [_point(tie, target) for tie in advised.ties]}
+            | {
+                "told_error": None if math.isnan(advised.told) else advised.told,
+                "next_best": advised.next_best and _point(advised.next_best, target),
+            }
             for advised in advice
         ],
         "usual": _point(charts[0].usual, target) if len(charts) == 1 else None,

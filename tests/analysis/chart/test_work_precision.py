@@ -22,7 +22,6 @@ from tdint.analysis.chart.work_precision import (
     cheapest,
     default_steps,
     measure,
-    ties,
 )
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import parse
@@ -280,8 +279,6 @@ def test_what_is_recommended():
     assert cheapest(points, "drift", 0.01) == points[4]
     assert cheapest(points, "drift", 0.001) == points[5]
     assert cheapest(points, "drift", 1e-5) is None
-    assert ties(points, "drift", 0.01) == [points[6]]
-    assert ties(points, "drift", 0.001) == ties(points, "drift", 1e-5) == []
 
 
 @pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])

@@ -15,6 +15,7 @@ import numpy as np
 
 from tdint.analysis.given import model_record
 from tdint.analysis.run.case import Case
+from tdint.analysis.run.error_estimate import told_run
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
@@ -150,6 +151,12 @@ class Problem:
             return self.case(integrator).march(steps).status
         except FailedRun as failure:
             return failure.status
+
+    def told(self, integrator: Integrator, steps: Steps) -> float:
+        """The largest error of a story's peak drift, over it, that `tdint run` tells beside these; nan for none."""
+        response = told_run(self.case(integrator), steps)
+        peaks = response.stories.peak_drift
+        return math.nan if response.check is None else largest_relative(peaks + response.check.errors.peak_drift, peaks)
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
         """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""

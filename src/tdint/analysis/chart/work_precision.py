@@ -475,25 +475,11 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
     So a step whose error is small by chance is not recommended. Of points whose costs differ by less than a tenth,
     which is what clocks tell apart, the most accurate one is taken. None where no point is within the limit.
     """
-    return min(_alike(points, quantity, limit), key=lambda point: point.error(quantity), default=None)
-
-
-def ties(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
-    """The points of other lines that cost as little as `cheapest`, to what clocks tell apart; one for each line."""
-    best = cheapest(points, quantity, limit)
-    others: dict[str, Point] = {}
-    for point in sorted(_alike(points, quantity, limit), key=lambda point: point.error(quantity)):
-        if best is not None and point.line != best.line:
-            others.setdefault(point.line, point)
-    return list(others.values())
-
-
-def _alike(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
-    """The points within a limit, their smaller steps too, that cost the least or nearly so."""
     lines = dict.fromkeys(point.line for point in points)
     good = [point for line in lines for point in within(points, line, quantity, limit)]
     least = min((point.fastest for point in good), default=math.nan)
-    return [point for point in good if point.fastest <= _SAME_COST * least]
+    alike = [point for point in good if point.fastest <= _SAME_COST * least]
+    return min(alike, key=lambda point: point.error(quantity), default=None)
 
 
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:

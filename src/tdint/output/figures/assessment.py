@@ -15,9 +15,11 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
+from tdint.errors import UsageError
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
+    INCH,
     LIGHT,
     NARROW,
     add_legend,
@@ -318,6 +320,12 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
 # ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
 
 _CELL = (0.46, 0.25)  # inches
+_LEVEL, _UPRIGHT = 0.28, 0.13  # widths of a cell in print, inches, that five digits of 6 points take, level and upright
+_TALL = 0.34  # inches, of a cell whose digits stand upright
+_LETTER_UP = 0.06  # inches, of a letter of 8 points
+_LINE = 0.15  # inches, of a line
+_MOST_LETTERS = 5  # of a number in print
+_MOST_PANELS = 3  # below each other
 _NARROW_FOOT = 62  # letters of 6 points on the width of a column
 
 
@@ -362,29 +370,33 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     """
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
-    narrow = is_narrow()  # numbers stand upright then
-    width, height = _CELL[0] * len(columns), _CELL[1] * len(methods) * (2.8 if narrow else 1.0)
-    figure = Figure(figsize=(max(width + 2.2, 7.5), height + (5.0 if narrow else 3.2)), layout="constrained")
-    axes = figure.subplots()
+    heads = [f"{name}, dt {dt:.4g}" for name, dt in columns]
+    narrow, room = is_narrow(), _rooms(methods, len(columns))
+    parts = [heads[first : first + room.columns] for first in range(0, len(heads), room.columns)]
+    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + room.height * len(methods) for part in parts)
+    figure = Figure(figsize=(room.width, high + (1.7 if narrow else 1.13)), layout="constrained")
+    panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
     # A cell for each trial; what is hatched has its words on a plain ground.
-    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if narrow else 0.0}
+    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if room.upright else 0.0}
     for trial in trials:
-        x, y = columns.index((trial.problem, trial.dt)), methods.index(trial.method)
-        mark = _MARKS.get(trial.verdict, _MARKS[""])
-        axes.add_patch(_patch(x, y, mark))
+        panel, x = divmod(columns.index((trial.problem, trial.dt)), room.columns)
+        y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
+        panels[panel].add_patch(_patch(x, y, mark))
         behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
-        axes.text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
+        panels[panel].text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
     # Problems above, methods at the side; a line between one problem and the next.
-    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(methods) - 0.5, -0.5))
-    axes.grid(False)
-    axes.tick_params(length=0.0)
-    axes.xaxis.tick_top()
-    upright = {"rotation": 90.0} if narrow else {"rotation": 60.0, "ha": "left"}
-    axes.set_xticks(range(len(columns)), [f"{name}, dt {dt:.4g}" for name, dt in columns], **upright)
-    axes.set_yticks(range(len(methods)), methods, parse_math=False)
-    for first in range(1, len(columns)):
-        if columns[first][0] != columns[first - 1][0]:
-            axes.axvline(first - 0.5, color="black", linewidth=1.2)
+    for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
+        first = panel * room.columns
+        axes.set(xlim=(-0.5, room.columns - 0.5), ylim=(len(methods) - 0.5, -0.5))
+        axes.grid(False)
+        axes.tick_params(length=0.0)
+        axes.xaxis.tick_top()
+        turned = {"rotation": 90.0} if room.upright else {"rotation": 60.0, "ha": "left"}
+        axes.set_xticks(range(len(part)), part, **turned)
+        axes.set_yticks(range(len(methods)), methods, parse_math=False)
+        for x in range(1, len(part)):
+            if columns[first + x][0] != columns[first + x - 1][0]:
+                axes.axvline(x - 0.5, color="black", linewidth=1.2)
     # The legend has the looks, and above them what the numbers are.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
     size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
@@ -396,6 +408,32 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     return figure
 
 
+class _Rooms(NamedTuple):
+    """Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
+
+    width: float
+    columns: int
+    height: float
+    upright: bool
+
+
+def _rooms(methods: Sequence[str], count: int) -> _Rooms:
+    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers."""
+    side = _LINE + _LETTER_UP * max(map(len, methods))
+    printed = PRINTED.get().width
+    if not printed:
+        return _Rooms(max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], upright=False)
+    width = printed / INCH
+    for panels in range(1, _MOST_PANELS + 1):
+        columns = math.ceil(count / panels)
+        cell = (width - side) / columns
+        if cell >= _UPRIGHT:
+            upright = cell < _LEVEL
+            return _Rooms(width, columns, _TALL if upright else _CELL[1], upright)
+    least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
+    raise UsageError(f"the names of these methods and their numbers take a width of {least} mm at least")
+
+
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     return Rectangle(
         (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=mark.face, hatch=mark.hatch, edgecolor="0.4", linewidth=0.5
@@ -403,13 +441,17 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
 
 
 def _words(trial: Trial) -> str:
-    """Three digits of what is judged, the steps done before a failure, or a dash."""
+    """Three digits of what is judged, the steps done before a failure, or a dash; five characters in print."""
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)
-    if 0.01 <= trial.measure < 1000.0 or trial.measure == 0.0:
-        return f"{trial.measure:.3g}"
-    digits, power = f"{trial.measure:.{int(trial.measure > 1e-9)}e}".split("e")
-    return f"{float(digits):g}e{int(power)}"
+    texts = []
+    for digits in (3, 2):
+        if 0.01 <= trial.measure < 1000.0 or trial.measure == 0.0:
+            texts.append(f"{trial.measure:.{digits}g}")
+        else:
+            number, power = f"{trial.measure:.{int(digits > 2 and trial.measure > 1e-9)}e}".split("e")
+            texts.append(f"{float(number):g}e{int(power)}")
+    return texts[PRINTED.get().width is not None and len(texts[0]) > _MOST_LETTERS]
 
 
 # ---- Figures of work against precision: time over error, error over step, cost over size; readable in black and
@@ -426,7 +468,7 @@ _COSTS = {
 _FOOT = 100  # characters in a line of a picture's foot
 
 
-def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time") -> Figure:
+def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = "") -> Figure:
     """Picture of a chart: time over error, a line per method; or error over step.
 
     A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
@@ -443,20 +485,22 @@ def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time")
     versus : str
         `time`, `steps`, `solves`: a cost over the error; `dt`: the error over the step. Programs that do not count
         their steps have no points over these.
+    highlight : str
+        The line to draw in front, thick; as in `method_looks`.
     """
     if versus == "dt":
-        return _draw_steps(_Drawing(chart, target), name)
-    return _draw_costs(_Drawing(chart, target, versus), name)
+        return _draw_steps(_Drawing(chart, target), name, highlight)
+    return _draw_costs(_Drawing(chart, target, versus), name, highlight)
 
 
-def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
+def sizes_picture(charts: Sequence[Chart], *, name: str, target: str, highlight: str = "") -> Figure:
     """Picture of time per step and of error over the number of stories, at the step closest to the record's."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
-    for line, style in _styles(lines).items():
+    for line, style in _styles(lines, highlight).items():
         # Of each size the point whose step is closest to the record's.
         closest: list[tuple[_Drawing, Point]] = []
         for drawing in drawings:
@@ -540,21 +584,21 @@ class _Drawing:
         return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
 
 
-def _styles(lines: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
     """Dashes and markers that tell lines apart without color; open markers for other programs."""
-    looks = method_looks(lines)
+    looks = method_looks(lines, highlight)
     faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
     return {line: looks[line] | {"markersize": 4.5, "markerfacecolor": faces[line]} for line in lines}
 
 
-def _draw_costs(drawing: _Drawing, name: str) -> Figure:
+def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
     # The front lies under all lines, as a band; a line has marks at its points, and a triangle below the gap.
     front = drawing.front()
     (band,) = axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
     handles = []
-    styles = _styles(list(drawing.lines))
+    styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         style = styles[line]
         compared, below = drawing.known(points), drawing.below(points)
@@ -622,11 +666,11 @@ def _title(drawing: _Drawing, name: str, subject: str) -> str:
     return f"{name}\n{how_many(stories, 'story')}: {subject}"
 
 
-def _draw_steps(drawing: _Drawing, name: str) -> Figure:
+def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
     handles, labels = [], []
-    styles = _styles(list(drawing.lines))
+    styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
         if compared:

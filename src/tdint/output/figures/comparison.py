@@ -545,7 +545,7 @@ _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
 _PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in one column of a page
 
 
-def profile_picture(chart: FieldChart, *, target: str) -> Figure:
+def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> Figure:
     """Performance profiles (Dolan and More 2002): the share of problems that a method solves at a factor of the least
     cost, a panel for each tolerance.
 
@@ -553,6 +553,8 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     ----------
     target : str
         What the errors are of: a key of `PEAKS`.
+    highlight : str
+        The method to draw in front, thick; as in `method_looks`.
     """
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
@@ -560,18 +562,21 @@ def profile_picture(chart: FieldChart, *, target: str) -> Figure:
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
-    looks = method_looks(chart.lines)
+    looks = method_looks(chart.lines, highlight)
+    # In front, thick: what is highlighted, otherwise those that readers look for.
+    front = {line: look["linewidth"] for line, look in looks.items() if "linewidth" in look} or _BOLD
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda profile: _BOLD.get(profile.method, 0.0)):
+        for profile in sorted(shown, key=lambda profile: front.get(profile.method, 0.0)):
             # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems
             x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
-            look: dict[str, Any] = {"markersize": 3.5, "markevery": 0.2, "linewidth": _BOLD.get(profile.method, 1.0)}
+            look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
+            look |= {"linewidth": front.get(profile.method, 1.0)}
             look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
-            (handles[profile.method],) = axes.step(x, y, where="post", **looks[profile.method], **look)
+            (handles[profile.method],) = axes.step(x, y, where="post", **look)
         count = max(profile.problems for profile in shown)
         axes.set_title(f"error within {100.0 * tolerance:g} % ({how_many(count, 'problem')})")
         axes.set(xscale="log", xlim=(1.0, _LARGEST_RATIO), ylim=(0.0, 1.03))

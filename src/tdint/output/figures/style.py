@@ -75,7 +75,7 @@ _PRINT = {
 }
 _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": False}
 _SMALLEST, _LARGEST = 6.0, 8.0
-_INCH = 0.0254
+INCH = 0.0254  # m
 _RESOLUTION = {True: 600, False: 160}
 _ON_PAGE = 100  # of a notebook, which shows a pixel as one; matplotlib's own
 INK = "#1f4e79"
@@ -96,8 +96,12 @@ _METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
 _PLACES = (
     *("impulse4", "moment4", "newmark-average", "gauss4", "newmark-linear", "central-difference", "hht"),
     *("generalized-alpha", "wilson", "bathe", "impulse", "exact"),
+    *(f"openseespy/{name}" for name in ("newmark-average", "hht", "generalized-alpha")),
+    *(f"scipy/{name}" for name in ("RK45", "Radau", "LSODA")),
+    *("moment4 by tolerance", "impulse4 by tolerance"),
 )
-"""Methods that stand in one picture most often: a color each."""
+"""Lines that stand in one picture most often: a color each for our methods."""
+_FRONT_WIDTH = 3.0  # points, of the line that is highlighted
 NARROW = 31
 """Characters of a label up to which those of methods stand in three columns."""
 
@@ -140,18 +144,23 @@ def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
 
 
-def method_looks(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue at a place of their
-    own, plug-ins behind them; of what has parameters, or is another program's, those that are left, in their order."""
-    from tdint.methods.catalogue import catalogue
+def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
+    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue and other programs'
+    at a place of their own, plug-ins behind them; of what has parameters those that are left, in their order. The one
+    to highlight, or else the only one of a plug-in, has a width and stands in front."""
+    from tdint.methods.catalogue import catalogue, is_ours
 
+    lines = dict.fromkeys(methods)
     named = list(dict.fromkeys((*_PLACES, *catalogue())))
-    others = [method for method in dict.fromkeys(methods) if method not in named]
-    looks = {}
-    for place, method in enumerate((*named, *others)):
+    mine = [line for line in lines if line in named and not is_ours(line)]
+    front = highlight or (mine[0] if len(mine) == 1 else "")
+    looks: dict[str, dict[str, Any]] = {}
+    for place, method in enumerate((*named, *(line for line in lines if line not in named))):
         # Twelve colors and eleven markers: no pair of them comes twice among 132.
         color, marker = METHOD_COLORS[place % len(METHOD_COLORS)], _METHOD_MARKERS[place % len(_METHOD_MARKERS)]
         looks[method] = {"color": color, "linestyle": DASHES[place % len(DASHES)], "marker": marker}
+        if method == front:
+            looks[method] |= {"linewidth": _FRONT_WIDTH, "zorder": 4}
     return looks
 
 
@@ -315,7 +324,7 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
     """Bring a figure to its width, its letters to the sizes of print, its words to those of the paper."""
     width, height = figure.get_size_inches()
     if printed.width:
-        narrow = printed.width / _INCH / width
+        narrow = printed.width / INCH / width
         figure.set_size_inches(width * narrow, height * math.sqrt(narrow))
         width *= narrow
     title = figure.get_suptitle()
@@ -485,7 +494,7 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
     for print."""
     columns = max(1, min(len(labels), most))
     printed = PRINTED.get().width
-    if labels and (inches := printed / _INCH if printed else width):
+    if labels and (inches := printed / INCH if printed else width):
         letters = inches * 72.0 / ((7.0 if printed else 8.0) * _LETTER)
         columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 11))))
     return columns

@@ -1,0 +1,174 @@
+"""Pictures of methods: what is highlighted, colors that are one's own in all of them, words that do not touch."""
+
+import itertools
+import math
+from contextlib import contextmanager
+
+import pytest
+
+from tdint.analysis.assessment.failures import Trial
+from tdint.analysis.chart.problem import Errors, Reference
+from tdint.analysis.chart.profiles import PARTS, Measured, PeakErrors, field_chart
+from tdint.analysis.chart.work_precision import Chart, Point, Timing
+from tdint.errors import UsageError
+from tdint.methods import catalogue
+from tdint.output.figures.assessment import chart_picture, failure_picture
+from tdint.output.figures.comparison import profile_picture
+from tdint.output.figures.style import picture
+from tdint.output.printed import PRINTED, parse_style
+
+LONG = [f"a-plug-in-with-a-rather-long-name-{name}" for name in ("one", "two", "three")]
+NAMES = ["impulse4", "newmark-average", "wilson:theta=1.3", "openseespy/hht", "scipy/RK45", *LONG]
+
+
+def points(lines, errors):
+    return tuple(
+        Point(line, 0.01 * part, 100, "done", 100, errors(part), (1e-3 * (i + 1) / part,), line=line)
+        for i, line in enumerate(lines)
+        for part in PARTS
+    )
+
+
+def charted(lines):
+    """The points of one problem; the reference's motion has no part in its picture."""
+    drawn = points(lines, lambda part: Errors(*5 * (1e-3 * part**2,)))
+    reference = Reference("impulse4", 1e-4, "moment4", Errors(*5 * (1e-9,)), None)
+    return Chart(3, 0.01, True, drawn, reference, drawn[0], Timing.of(drawn))
+
+
+def profiled(lines):
+    drawn = points(lines, lambda part: PeakErrors(*3 * (1e-3 * part**2,)))
+    return field_chart([Measured("p", "m", "", 3, 0.01, 9.0, 4.0, 7, "", PeakErrors(*3 * (1e-9,)), drawn)])
+
+
+@pytest.fixture
+def of_plugins(monkeypatch):
+    """A method of a plug-in for each name."""
+
+    def register(names):
+        known = dict(catalogue.catalogue())
+        known |= dict.fromkeys(names, known["hht"])
+        monkeypatch.setattr(catalogue, "catalogue", lambda: known)
+
+    return register
+
+
+def looks(figure, lines):
+    """By its name in the legend the color and the marker, the width and the height of each line."""
+    (legend,) = figure.legends
+    names = [text.get_text().strip() for text in legend.get_texts()]
+    drawn = dict(zip(names, legend.get_lines(), strict=False))
+    shown = [line for axes in figure.axes for line in axes.lines]
+    return {
+        name: (
+            drawn[name].get_color(),
+            drawn[name].get_marker(),
+            drawn[name].get_linewidth(),
+            max(line.get_zorder() for line in shown if line.get_color() == drawn[name].get_color()),
+        )
+        for name in lines
+    }
+
+
+def all_looks(lines, highlight=""):
+    chart, profile = charted(lines), profiled(lines)
+    figures = (
+        chart_picture(chart, name="x", target="drift", highlight=highlight),
+        chart_picture(chart, name="x", target="drift", versus="dt", highlight=highlight),
+        profile_picture(profile, target="peak-drift", highlight=highlight),
+    )
+    return [looks(figure, lines) for figure in figures]
+
+
+def test_a_method_is_drawn_alike_in_all_pictures_and_like_no_other(of_plugins):
+    of_plugins(LONG)
+    every = all_looks(NAMES)
+    for drawn in every:
+        assert len({look[:2] for look in drawn.values()}) == len(NAMES)
+        assert {name: look[:2] for name, look in drawn.items()} == {name: look[:2] for name, look in every[0].items()}
+    # In other company, too; what has parameters takes what is left.
+    few = [name for name in NAMES if ":" not in name][1::2]
+    for drawn in all_looks(few):
+        assert all(drawn[name][:2] == every[0][name][:2] for name in few)
+
+
+@pytest.mark.parametrize(("plugins", "asked"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])])
+def test_a_method_of_mine_is_thick_and_in_front(of_plugins, plugins, asked):
+    of_plugins(plugins)
+    lines = ["impulse4", "newmark-average", *plugins]
+    front = asked or "mine"
+    for drawn in all_looks(lines, asked):
+        *_, width, height = drawn.pop(front)
+        assert all(width > 1.5 * look[2] and height > look[3] for look in drawn.values())
+        assert len({look[2] for look in drawn.values()}) == 1  # impulse4 like all others
+
+
+def test_of_several_plugins_none_is_in_front_unasked(of_plugins):
+    of_plugins(LONG)
+    for drawn in all_looks(LONG):
+        assert len({look[2] for look in drawn.values()}) == 1
+
+
+# ---- The matrix of failures
+
+
+def trials(names):
+    """As many columns as there are, cells of all looks and the longest numbers."""
+    cells = itertools.cycle([("pass", 0.0591), ("loses energy", 1.23e-16), ("blows up", math.nan), ("rings", 1.9e11)])
+    columns = [(f"limit-sqrt-{i}", 2.44) for i in range(16)] + [("overshoot-displacement", 62.83), ("x", 1.0)]
+    return [
+        Trial(problem, name, dt, "done", verdict, "energy", time=1.0, steps=132, measure=measure)
+        for problem, dt in columns
+        for name, (verdict, measure) in zip(names, cells, strict=False)
+    ]
+
+
+@contextmanager
+def printed(width):
+    token = PRINTED.set(parse_style(f"{width}mm"))
+    try:
+        yield
+    finally:
+        PRINTED.reset(token)
+
+
+def matrix(names, width):
+    with printed(width):
+        figure = picture(".png", lambda: failure_picture(trials(names))).figure()
+        figure.draw_without_rendering()
+    return figure
+
+
+@pytest.mark.parametrize(
+    ("names", "width", "panels"),
+    [
+        (["impulse4", "hht", "bathe", "wilson"], 90, 1),
+        (["impulse4", *LONG], 90, 3),
+        (["impulse4", *LONG], 180, 1),
+        (["impulse4", "hht", "bathe", "wilson"], 180, 1),
+    ],
+)
+def test_no_word_of_the_matrix_touches_another_one(names, width, panels):
+    figure = matrix(names, width)
+    assert len(figure.axes) == panels
+    for axes in figure.axes:
+        for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
+            boxes = [label.get_window_extent() for label in labels]
+            # What is turned by 60 degrees has a box that is larger than its letters.
+            if labels[0].get_rotation() != 60.0:
+                assert not any(one.overlaps(other) for one, other in itertools.pairwise(boxes))
+            assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
+        for text in axes.texts:
+            x, y = text.get_position()
+            (x0, y0), (x1, y1) = (axes.transData.transform((x + side, y - side)) for side in (-0.5, 0.5))
+            box = text.get_window_extent()
+            assert x0 <= box.x0 and box.x1 <= x1 and y0 <= box.y0 and box.y1 <= y1, text.get_text()
+
+
+def test_a_matrix_without_room_says_what_it_takes():
+    with pytest.raises(UsageError, match=r"take a width of (\d+) mm at least") as caught:
+        matrix(["impulse4", *LONG], 50)
+    least = int(str(caught.value).split(" mm")[0].split()[-1])
+    assert len(matrix(["impulse4", *LONG], least).axes) == 3
+    with pytest.raises(UsageError, match=f"take a width of {least} mm"):
+        matrix(["impulse4", *LONG], least - 1)
