@@ -201,7 +201,7 @@ BUDGET = {
     "campaign": (26, 6300),
     "analysis": (42, 7850),
     "methods": (12, 1750),
-    "model": (21, 3650),
+    "model": (21, 3750),
     "ground_motion": (34, 4250),
     "kernels": (55, 7000),
     "ground": (12, 1650),

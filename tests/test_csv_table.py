@@ -5,7 +5,10 @@ import math
 import os
 import sys
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tdint import csv_table
 from tdint.analysis.spectra.target import read_target
@@ -188,3 +191,10 @@ def test_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)
     with pytest.raises(UsageError, match="no standard input"):
         read_drift_path("-")
+
+
+@given(
+    st.lists(st.sampled_from(["", "1", " 2.5 ", "-3e5", "1e-320", "1e400", "nan", "inf", "1_0", "\u0661", "x", "0"]))
+)
+def test_many_cells_are_the_numbers_of_each(texts: list[str]) -> None:
+    np.testing.assert_array_equal(csv_table.numbers_in(texts), [csv_table.number(text) for text in texts])

@@ -360,11 +360,12 @@ def carry_out(
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
+    kept = None if shard is None else plan.buildings_of(shard.chunks(plan))
     with locked(folder):
         named = check_names(folder, request)
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         try:
-            store, remarks = open_store(folder, plan)
+            store, remarks = open_store(folder, plan, kept)
         except (UntrustedStoreError, UsageError):
             if not overwrite:
                 raise
@@ -375,7 +376,7 @@ def carry_out(
             forget(folder / FILE)
             for name in names:
                 remove(folder / name)
-            store, remarks = open_store(folder, plan)
+            store, remarks = open_store(folder, plan, kept)
         warn_of_motions(plan)
         note(*plan.notes, *remarks)
         with store:

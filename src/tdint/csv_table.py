@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
+from tdint.arrays import Array
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.files import MOST_BYTES, STDIN, note_input, read_at_most
+from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST, how_many
 
 _END = "end"  # a last row of our own
 _OF_A_TABLE = re.compile(r"'[=+@-]")
 """What tables put before a text that a spreadsheet would take for a formula."""
+
+BLOCK = 500
+"""Rows of a large table that are turned into columns together: fewer lists than wake Python's collector (700)."""
 
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 
@@ -140,6 +147,20 @@ def number(text: str) -> float:
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan
 
 
+def numbers_in(texts: Sequence[str]) -> Array:
+    """The same of many cells."""
+    together, values = "".join(texts), np.empty(0)
+    # Words are rare: of numbers alone many are read at once.
+    with suppress(ValueError):
+        if together.isascii() and "_" not in together:
+            values = np.array([float(text or math.nan) for text in texts] if "" in texts else list(map(float, texts)))
+    if len(values) < len(texts):
+        values = np.array([_float(text) for text in texts])
+    size = np.abs(values)
+    values[~((values == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)))] = math.nan
+    return values
+
+
 def no_number(text: str, expected: str) -> str:
     """What a cell must be that is no such number, as the end of a message."""
     # Only of a finite number the size can be what is wrong with it.
@@ -183,22 +204,28 @@ def read_table(
     TdintError
         Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
     """
-    lines = iter(_lines(source, _text(source, needs, error), error))
-    table = _headed(source, needs, lines, columns, comment, error)
-    return replace(table, rows=tuple(lines))
+    table, rows = stream_table(source, needs, columns=columns, comment=comment, error=error, whole=True)
+    return replace(table, rows=tuple(rows))
 
 
 def stream_table(
-    source: str, needs: str, *, columns: Collection[str], comment: str = "", error: type[TdintError] = ModelError
+    source: str,
+    needs: str,
+    *,
+    columns: Collection[str] | None = None,
+    comment: str = "",
+    error: type[TdintError] = ModelError,
+    whole: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """The same of a table of millions of rows, which are read as they are asked for: the table without its rows, and
-    these with their lines. Errors are those of `read_table`, of the rows when these are read."""
+    these with their lines. Errors are those of `read_table`, of the rows when these are read; with `whole`, of a file
+    that is too large at once."""
     # A pipe can be read once only: its digest is that of what was read.
-    if source == STDIN or not Path(source).is_file():
-        whole = read_table(source, needs, columns=columns, comment=comment, error=error)
-        return replace(whole, rows=()), iter(whole.rows)
-    note_input(source, lambda: _digest(source))
-    rows = _streamed(source, error)
+    if whole or source == STDIN or not Path(source).is_file():
+        rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
+    else:
+        note_input(source, lambda: digest_of(Path(source)))
+        rows = _streamed(source, error)
     return _headed(source, needs, rows, columns, comment, error), rows
 
 
@@ -224,13 +251,8 @@ def _headed(
     return CsvTable(source, names, titles, header_line, (), needs, error)
 
 
-def _digest(source: str) -> str:
-    with Path(source).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
-    """The rows of a file that are not blank, and their lines."""
+    """The rows of a file."""
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
@@ -238,38 +260,31 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
                 if "\0" in line:
                     raise error(f"{source}:{number}: a null character; save it as UTF-8 text")
                 yield line
-            yield from ("\n", f"{_END}\n")
 
-        reader, above, closed = csv.reader(lines(), skipinitialspace=True), 0, False
         try:
-            for row in reader:
-                closed = row == [_END]
-                if not closed and any(cell.strip() for cell in row):
-                    above = reader.line_num
-                    yield above, row
-        except csv.Error as fault:
-            raise error(f"{source}:{reader.line_num}: no CSV: {fault}") from None
+            yield from _rows(source, lines(), error)
         except UnicodeDecodeError as fault:
             byte = fault.object[fault.start]
             raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
-        if not closed:
-            raise error(f"{source}: a quotation mark below line {above} is not closed")
 
 
-def _lines(source: str, text: str, error: type[TdintError]) -> list[tuple[int, list[str]]]:
+def _rows(source: str, lines: Iterable[str], error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
     """The rows that are not blank, and their lines.
 
     A quotation mark that is never closed would take all rows below it into one cell: the last row tells.
     """
-    reader = csv.reader(io.StringIO(f"{text}\n{_END}\n", newline=""), skipinitialspace=True)
+    reader, above, closed = csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True), 0, False
+    last = 0
     try:
-        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+        for row in reader:
+            closed = row == [_END]
+            if not closed and any(map(str.strip, row)):
+                above, last = last, reader.line_num
+                yield last, row
     except csv.Error as fault:
         raise error(f"{source}:{reader.line_num}: no CSV: {fault}") from None
-    if lines.pop()[1] != [_END]:
-        above = lines[-1][0] if lines else 0
+    if not closed:
         raise error(f"{source}: a quotation mark below line {above} is not closed")
-    return lines
 
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/campaign.py                  # 440 runs of ten yielding stories, 22 motions x 20 scales
     python tests/benchmarks/campaign.py --buildings 2000 # two-story buildings of an inventory under a pair of motions
+    python tests/benchmarks/campaign.py --buildings 1000000 --parts 1000 # one part of them under fields of 100 events
 
 Wall times tell something on a quiet machine only; processor times do on a busy one, too.
 """
@@ -20,12 +21,14 @@ from common import turned
 
 import tdint
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.buildings import given_buildings
-from tdint.campaign.carry_out import carry_out, compile_for, threads
+from tdint.campaign.carry_out import Shard, carry_out, compile_for, threads
+from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import EveryMotion, Scales
-from tdint.campaign.plan import Plan
+from tdint.campaign.plan import Plan, make_plan
+from tdint.campaign.reader import load_campaign
 from tdint.campaign.store import open_store
 from tdint.ground_motion.reading.suites import suite_motions
 
@@ -107,12 +110,51 @@ def inventory(buildings: int, method: str) -> None:
     print(f"{BAY_AREA} buildings under a pair: {used / buildings * BAY_AREA / 7200:.2g} h on two processors")
 
 
+def part(buildings: int, parts: int) -> None:
+    """The part in the middle: 100 events at a site for each 100 buildings, factors on two motions."""
+    kinds, types, sites = random.Random(1), ["W1", "C1", "S1", "RM1", "URM"], buildings // 100
+    degrees = [(f"{-122.5 + 0.01 * (i % 100):.4f}", f"{37.3 + 0.01 * (i // 100):.4f}") for i in range(sites)]
+    tables = {"sites": ["site,longitude,latitude"], "fields": ["event,site,record,factor"]}
+    tables["buildings"] = ["id,NumberOfStories,YearBuilt,StructureType,PlanArea,Longitude,Latitude"]
+    tables["sites"] += [f"s{i},{','.join(degrees[i])}" for i in range(sites)]
+    motions = [Path(f"records/{name}.mseed").resolve() for name in ("soft-soil", "firm-soil")]
+    for event in range(100):
+        tables["fields"] += [
+            f"E{event},s{i},{kinds.choice(motions)},{kinds.uniform(0.2, 1.5):.4f}" for i in range(sites)
+        ]
+    for i in range(buildings):
+        about = kinds.randint(1, 3), kinds.randint(1920, 2015), kinds.choice(types), kinds.randint(100, 900)
+        tables["buildings"].append(",".join(map(str, (f"b{i}", *about, *kinds.choice(degrees)))))
+    with TemporaryDirectory() as name:
+        for table, lines in tables.items():
+            (Path(name) / f"{table}.csv").write_text("\n".join([*lines, ""]))
+        tables.clear()
+        (Path(name) / "campaign.yaml").write_text(
+            "buildings: {inventory: buildings.csv, units: {length: m}}\n"
+            "records: {fields: fields.csv, sites: sites.csv, units: m/s^2, component: HN1}\n"
+        )
+        shard, began = Shard((parts + 1) // 2, parts), time.process_time()
+        campaign = load_campaign(Path(name) / "campaign.yaml")
+        plan = make_plan(campaign, read_inputs(campaign))
+        kept = plan.buildings_of(shard.chunks(plan))
+        store, _ = open_store(Path(name), plan, kept)
+        reading = time.process_time() - began
+        with store:
+            runs = carry_out(plan, store, threads(1), shard=shard).done
+            work = store.seconds()
+    print(f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; processor time")
+    print(f"reading {reading:.3g} s, runs {work:.4g} s: {reading / work:.1%}")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--buildings", type=int)
+    parser.add_argument("--parts", type=int)
     parser.add_argument("--method", default="impulse4")
     given = parser.parse_args()
-    if given.buildings:
+    if given.parts:
+        part(given.buildings, given.parts)
+    elif given.buildings:
         inventory(given.buildings, given.method)
     else:
         study(given.method)

@@ -20,7 +20,7 @@ from moment4 import reference, table
 from tdint import load_model, run
 from tdint.analysis.given import model_record
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
-from tdint.analysis.run.run import Subject
+from tdint.analysis.run.together import Subject
 from tdint.analysis.run.workspace import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse

@@ -18,8 +18,7 @@ from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.record import Record
-from tdint.model.inventory import InventoryRow, derive_all, model_text, read_inventory
-from tdint.model.mdof_lu import BuildingFacts
+from tdint.model.inventory import NEEDED, derive_all, model_text, read_inventory
 from tdint.units import STANDARD_GRAVITY
 
 STUDY = """\
@@ -115,14 +114,15 @@ def test_both_components_of_a_draw_are_run_under_one_number(study: Path) -> None
         assert all(sorted(components) == ["x", "y"] for components in samples.values())
 
 
-def test_weights_are_the_inverse_squares_of_distances() -> None:
+def test_weights_are_the_inverse_squares_of_distances(tmp_path: Path) -> None:
     """Two points at the north of a building and one at its west, some kilometers away, and one out of reach; the draws
     follow the weights (chi-squared over 20 000 draws, 3 degrees of freedom less one)."""
     degree = 1.0 / np.radians(1.0) / 6371.0088  # of latitude in a kilometer; mean radius of the earth, km (IUGG)
     points = ((10.0, 2.0 * degree), (10.0, 4.0 * degree), (10.0 - 1.0 * degree, 0.0), (20.0, 0.0))
     grid = GridMotions(points, tuple((((i,), 1.0),) for i in range(4)))
-    row = InventoryRow("x", BuildingFacts("C1", 2, 1980, 100.0), latitude=0.0, longitude=10.0)
-    draws = GridDraws([row], grid, GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1))
+    (tmp_path / "b.csv").write_text(f"{','.join(NEEDED)},Latitude,Longitude\nx,2,1980,C1,100,0,10\n")
+    rows, _ = read_inventory(str(tmp_path / "b.csv"), 1.0)
+    draws = GridDraws(rows, grid, GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1))
     near, weights = draws.weights(0)
     found = dict(zip(near.tolist(), weights.tolist(), strict=True))
     squares = {0: 1.0 / 4.0, 1: 1.0 / 16.0, 2: 1.0}

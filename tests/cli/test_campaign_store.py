@@ -96,7 +96,7 @@ def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Comma
 @pytest.mark.parametrize(
     "statement",
     [
-        "UPDATE meta SET value = '9' WHERE key = 'schema'",
+        "UPDATE meta SET value = '8' WHERE key = 'schema'",
         "DELETE FROM meta",
         "DELETE FROM meta WHERE key = 'fingerprint'",
         "UPDATE buildings SET name = '=1+1'",

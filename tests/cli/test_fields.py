@@ -2,9 +2,13 @@
 
 import json
 import math
+import resource
 import shutil
+import sqlite3
 import tracemalloc
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -314,6 +318,51 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
     draws = found.places.draws(7)
     assert [draw.sample for draw in draws] == list(range(1, 401))
     assert [draw.factor for draw in draws] == pytest.approx([1.0 + 1e-3 * (2800 + place) for place in range(400)])
+
+
+def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(region: Path, tdint: Command) -> None:
+    """30 buildings, ten of them at a site without an event; parts are merged where hardly a file more may be opened."""
+    rng, sites = np.random.default_rng(7), [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)]
+    lines = [f"b{i},{rng.integers(1, 4)},1968,C1,{1000 + i},{sites[i % 3][2]},{sites[i % 3][1]}" for i in range(30)]
+    lines[4] = lines[4].replace("1968", "soon")
+    Path("buildings.csv").write_text("\n".join([BUILDINGS.splitlines()[0].removesuffix(",site"), *lines, ""]))
+    Path("sites.csv").write_text("site,longitude,latitude\n" + "".join(f"{a},{b},{c}\n" for a, b, c in sites))
+    Path("campaign.yaml").write_text(CAMPAIGN + DAMAGE)
+    tdint("campaign", "campaign.yaml", "-o", "whole", code=3)
+    parts = [f"part-{k}" for k in range(1, 11)]
+    for k, part in enumerate(parts, start=1):
+        tdint("campaign", "campaign.yaml", "-o", part, "--shard", f"{k}/10", code=3)
+        told, run = (tables(part)[name] for name in ("buildings", "run_rows"))
+        assert {row[0] for row in run} <= {row[0] for row in told} and len(told) < 20
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(list(Path("/proc/self/fd").iterdir())) + 12, before[1]))
+    try:
+        tdint("campaign", "merge", *reversed(parts), "-o", "all", code=0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert tables("all") == tables("whole") and len(tables("all")["buildings"]) == 29
+    for file in Path("whole").glob("*.csv"):
+        assert (Path("all") / file.name).read_bytes() == file.read_bytes()
+    # A part of the parts goes on to the whole.
+    tdint("campaign", "merge", *parts[::3], "-o", "some", "--partial", code=0)
+    assert len(tables("some")["buildings"]) < 29
+    tdint("campaign", "campaign.yaml", "-o", "some", code=3)
+    assert tables("some") == tables("whole")
+    # What is carried along must be the same in all parts.
+    change("buildings.csv", ("Longitude", "Longitude,note"))
+    tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
+    refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
+    assert "what the inventory carries along, or damage: differs" in refused.stderr
+
+
+def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:
+    """All that a store has, but for times, files and who wrote it."""
+    with closing(sqlite3.connect(Path(folder) / "campaign.sqlite")) as store:
+        names = ("buildings", "records", "inventory", "building_types", "run_rows", "unused")
+        found = {name: store.execute(f"SELECT * FROM {name}").fetchall() for name in names}
+        found["chunks"] = store.execute("SELECT id, runs FROM chunks ORDER BY id").fetchall()
+        found["meta"] = store.execute("SELECT * FROM meta WHERE key NOT IN ('seal', 'shards') ORDER BY key").fetchall()
+    return found
 
 
 def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:

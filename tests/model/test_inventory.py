@@ -2,9 +2,12 @@
 
 import io
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import tdint
 from tdint import load_model
@@ -157,6 +160,36 @@ def test_rows(tmp_path):
     feet, _ = read_inventory(str(tmp_path / "b.csv"), LENGTH["ft"])
     assert feet[0].facts.area == pytest.approx(600.0 * 0.3048**2, rel=1e-14)
     assert feet[0].facts.height == pytest.approx(12.0 * 0.3048, rel=1e-14)
+
+
+CELLS = {
+    "id": st.sampled_from(["a", "b", "c", "d", " e ", ""]),
+    "NumberOfStories": st.sampled_from(["1", "3", "2.5", "51", "3.0", "", "x"]),
+    "YearBuilt": st.sampled_from(["1990", "1985", "19 90", "900", ""]),
+    "StructureType": st.sampled_from(["C1", "w1", "S9"]),
+    "PlanArea": st.sampled_from(["600", "6e2", "0", "-1", "1_0", "nan", ""]),
+    "height": st.sampled_from(["", "12", "0", "x"]),
+    "Latitude": st.sampled_from(["", "38", "91", "-90"]),
+}
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cells=st.lists(st.tuples(*CELLS.values()), min_size=1, max_size=9))
+def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
+    """Which rows are buildings and what is wrong with the others does not depend on how many there are; of an id that
+    is there twice the first sound row counts."""
+    header, lines = ",".join(CELLS), [",".join(row) for row in cells]
+    together, faults = inventory(tmp_path, *lines, header=header)
+    rows, said = {}, []
+    for number, line in enumerate(lines, start=2):
+        alone, wrong = inventory(tmp_path, line, header=header)
+        said += [(number, fault.column, fault.message) for fault in wrong]
+        for row in alone:
+            twice = f"{row.id!r} is already on line {rows[row.id][1]}" if row.id in rows else ""
+            said += [(number, 1, f"{twice}; give each building its own")] * bool(twice)
+            rows.setdefault(row.id, (row, number))
+    assert list(together) == [row for row, _ in rows.values()]
+    assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(said, key=lambda one: one[:2])
 
 
 def test_bad_rows_are_told_together_and_the_others_done(tmp_path):

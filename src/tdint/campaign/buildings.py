@@ -6,24 +6,29 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import ClassVar
+
+import numpy as np
 
 from tdint.analysis.run.together import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
-from tdint.model.inventory import InventoryRow, derive_row
+from tdint.model.inventory import InventoryRow, InventoryRows, Made, derive_row
 from tdint.units import SI, OutputUnits
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
     """The units in which all of their models want results; SI where they do not agree."""
-    units = {building.output_units for building in buildings}
+    units = {building.output_units for building in different(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the model files that they come from, by name."""
-    texts = {given.made.model.source: given.made.model.text for given in buildings if isinstance(given, GivenBuilding)}
+    texts = {
+        given.made.model.source: given.made.model.text
+        for given in different(buildings)
+        if isinstance(given, GivenBuilding)
+    }
     return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
 
@@ -31,8 +36,8 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the files of plug-ins that their methods and drift laws are from, by name."""
     if not CODE:
         return {}
-    methods = {f"method {building.method.partition(':')[0]}" for building in buildings}
-    given = [building.made.model for building in buildings if isinstance(building, GivenBuilding)]
+    methods = {f"method {building.method.partition(':')[0]}" for building in different(buildings)}
+    given = [building.made.model for building in different(buildings) if isinstance(building, GivenBuilding)]
     return code_of(methods | {f"law {story.law.name}" for model in given for story in model.stories})
 
 
@@ -56,7 +61,6 @@ class GivenBuilding:
     made: Subject
     columns: tuple[str, ...] = field(default=(), init=False)
     cells: str = field(default="[]", init=False)
-    is_model: ClassVar[bool] = True
 
     def subject(self) -> Subject:
         """The building."""
@@ -148,7 +152,6 @@ class RowBuilding:
 
     row: InventoryRow
     rules: Rules
-    is_model: ClassVar[bool] = False
 
     def subject(self) -> Subject:
         """The building by the rules."""
@@ -199,22 +202,41 @@ class RowBuilding:
         return self.row.cells
 
 
-Buildings = Sequence[GivenBuilding | RowBuilding]
-"""By their numbers from 0."""
-
-
-def inventory_buildings(rows: Sequence[InventoryRow], rules: Rules) -> tuple[RowBuilding, ...]:
-    """Those of an inventory. What a sweep cannot change is refused before any run, in the first building of each number
-    of stories.
+class RowBuildings(Made[RowBuilding]):
+    """Those of an inventory, each made when it is asked for. What a sweep cannot change is refused at once, in the
+    first building of each number of stories.
 
     Raises
     ------
     UsageError
         What is varied is not there, or goes out of range.
     """
-    buildings = tuple(RowBuilding(row, rules) for row in rows)
-    firsts: dict[int, str] = {}
-    for building in buildings:
-        if building.row.changes and firsts.setdefault(building.stories, building.row.id) == building.row.id:
-            building.subject()
-    return buildings
+
+    def __init__(self, rows: InventoryRows, rules: Rules) -> None:
+        self.rows, self.rules = rows, rules
+        if rows.is_varied:
+            for first in sorted(np.unique(rows.stories, return_index=True)[1].tolist()):
+                for building in self[first : first + len(rows.changes)]:
+                    building.subject()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def make(self, number: int) -> RowBuilding:
+        return RowBuilding(self.rows.make(number), self.rules)
+
+
+Buildings = Sequence[GivenBuilding] | RowBuildings
+"""By their numbers from 0."""
+
+
+def different(buildings: Buildings) -> Sequence[GivenBuilding | RowBuilding]:
+    """Those that may differ in their methods, units and wishes: of an inventory the first stands for all."""
+    return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
+
+
+def digests_of(buildings: Buildings) -> list[str]:
+    """SHA-256 of each; of an inventory one of its table, by the same rules for all."""
+    if not isinstance(buildings, RowBuildings):
+        return [building.digest for building in buildings]
+    return [hashlib.sha256(repr(buildings.rules).encode()).hexdigest(), buildings.rows.digest(carried=False)]

@@ -3,11 +3,13 @@ shards put together in one."""
 
 from __future__ import annotations
 
+import json
 import logging
+import sqlite3
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from tdint.campaign.store_schema import (
     TABLES,
     check_store,
     connect,
+    connect_to_read,
     damaged_chunks,
     in_words,
     locked,
@@ -49,9 +52,9 @@ class Shard:
     number: int
     of: int
 
-    def holds(self, chunk: int) -> bool:
-        """Whether a chunk belongs to it."""
-        return chunk % self.of == self.number - 1
+    def chunks(self, plan: Plan) -> range:
+        """The chunks that belong to it."""
+        return range(self.number - 1, plan.chunks, self.of)
 
     @property
     def text(self) -> str:
@@ -111,7 +114,7 @@ def carry_out(
     """
     began = time.perf_counter()
     # Chunks that are kept from a call before count as done.
-    numbers = [number for number in range(plan.chunks) if shard is None or shard.holds(number)]
+    numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
     ready = store.done()
     left = [number for number in numbers if number not in ready]
     before = sum(plan.size(number) for number in numbers) - sum(plan.size(number) for number in left)
@@ -183,65 +186,25 @@ class CampaignRuns(Tabular):
     statuses: dict[str, int]
     failures: tuple[TdintError, ...]
     checked: bool
-    _rows: tuple[tuple[Any, ...], ...]
-    _buildings: Mapping[int, tuple[str, str]]
-    _records: Mapping[int, tuple[str, str, int]]
-    _varied: tuple[dict[str, float], ...]
-    _columns: tuple[str, ...]
-    _carried: Mapping[int, list[str]]
-    _events: tuple[str, ...] = ()
+    _content: bytes
 
     @classmethod
     def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
-        """What is in a store."""
-        # All is read now: the store is closed, or written on, when these are asked for.
-        buildings, columns = store.buildings(), store.inventory_columns()
-        return cls(
-            name=store.meta("name"),
-            asked=int(store.meta("runs")),
-            statuses=store.statuses(),
-            failures=failures,
-            checked=store.checked,
-            _rows=tuple(store.runs()),
-            _buildings=buildings,
-            _records=store.records(),
-            _varied=tuple(store.varied()),
-            _columns=columns,
-            _carried={number: store.carried(number) for number in buildings} if columns else {},
-            _events=tuple(store.events()),
-        )
+        """What is in a store, as it is now: it is closed, or written on, when this is asked for."""
+        told = store.meta("name"), int(store.meta("runs")), store.statuses(), failures, store.checked
+        return cls(*told, store.connection.serialize())
 
-    def runs(self) -> Iterator[tuple[Any, ...]]:
-        """As of `Store`, as are the following."""
-        return iter(self._rows)
-
-    def buildings(self) -> Mapping[int, tuple[str, str]]:
-        """Name and method of each building by its number."""
-        return self._buildings
-
-    def records(self) -> Mapping[int, tuple[str, str, int]]:
-        """Name, component and direction of each motion by its number."""
-        return self._records
-
-    def varied(self) -> list[dict[str, float]]:
-        """What a sweep varied, for each building."""
-        return list(self._varied)
-
-    def inventory_columns(self) -> tuple[str, ...]:
-        """The columns of an inventory that are carried along."""
-        return self._columns
-
-    def carried(self, building: int) -> list[str]:
-        """What the inventory says of a building in these columns."""
-        return self._carried.get(building, [])
-
-    def events(self) -> list[str]:
-        """The events of ground motion fields."""
-        return list(self._events)
+    @property
+    def store(self) -> Store:
+        """A store of the same content, in memory."""
+        connection = sqlite3.connect(":memory:")
+        # There is no log ahead of it in memory: bytes 18 and 19 of SQLite's format tell that.
+        connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])
+        return Store(connection, self.name)
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
-        return f"of {self.name!r}: {len(self._rows)} of {how_many(self.asked, 'run')} ({ended})"
+        return f"of {self.name!r}: {sum(self.statuses.values())} of {how_many(self.asked, 'run')} ({ended})"
 
 
 def campaign(
@@ -306,7 +269,7 @@ def campaign(
         return CampaignRuns.of(store, plan.failures)
 
 
-_TABLES = ("buildings", "records", "inventory", "building_types")
+_OF_BUILDINGS = ("buildings", "inventory", "building_types")
 _ROWS = {**{table.name: -1 for table in ROW_TABLES}, "chunks": 0}
 """Tables, and where in their rows the number of the chunk stands."""
 
@@ -331,74 +294,90 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     OutputError
         The store cannot be written.
     """
-    with ExitStack() as opened:
-        sources = []
-        for folder in folders:
-            sources.append(open_existing(folder))
-            opened.callback(sources[-1].connection.close)
-        # Sources must be of one campaign before anything is written.
-        for source in sources[1:]:
-            _check_same(sources[0], source)
-        # What the target has from an earlier call counts when missing runs are told.
-        merged = list(sources)
-        with suppress(UsageError):  # none is there, or nothing is in it yet
-            merged.append(opened.enter_context(open_existing(target)))
-        if (left := _told_left(merged)) and not partial:
-            raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
-        name = str(target / FILE)
+    # One after the other: of a thousand shards not all files could be open at once.
+    parts: list[_Part] = []
+    for folder in folders:
+        with open_existing(folder) as source:
+            parts.append(_part(folder, source))
+        _check_same(parts[0], parts[-1])
+    # What the target has from an earlier call counts when missing runs are told.
+    merged = list(parts)
+    with suppress(UsageError), open_existing(target) as before:  # none is there, or nothing is in it yet
+        merged.append(_part(target, before))
+    if (left := _told_left(merged)) and not partial:
+        raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
+    name = str(target / FILE)
+    with ExitStack() as failed:
         with in_words(name):
             store = Store(connect(name), name)
-        # From here on the store is open: it is closed if anything below fails.
-        failed = opened.enter_context(ExitStack())
-        failed.callback(store.connection.close)
-        with in_words(name):
-            # A new target takes what the campaign is from the first source, its runs then chunk by chunk.
-            if is_empty(store):
-                with transaction(store.connection, name):
-                    for statement in TABLES:
-                        store.connection.execute(statement)
-                    for table in ("meta", *_TABLES):
-                        _copy(sources[0], store, table)
-                    store.seal()
-            check_store(store.connection, name)
-        _check_same(store, sources[0])
+            # The store is closed if anything below fails.
+            failed.callback(store.connection.close)
+            if not is_empty(store):
+                check_store(store.connection, name)
+                _check_same(merged[-1], parts[0])
+            _take_buildings(parts, store)
         # Chunks that are damaged stay out, of the target and of the sources, and are told.
-        _tell(store, store.heal())
-        for source in sources:
-            with in_words(source.name):
-                bad = damaged_chunks(source.connection)
-            _tell(source, len(bad))
-            for text in source.shards():
-                store.add_shard(text)
-            with in_words(name):
-                _take_chunks(source, store, bad)
+        if healed := store.heal():
+            _tell(replace(merged[-1], name=name, damaged=healed))
+        for part in parts:
+            _tell(part)
+            with _reopened(part) as source, in_words(name):
+                _take_chunks(source, store, set(part.chunks))
         failed.pop_all()  # whoever asked closes it
     return store
 
 
-def _check_same(store: Store, other: Store) -> None:
-    if store.meta("fingerprint") == other.meta("fingerprint") and store.meta("chunks") == other.meta("chunks"):
-        return
-    lines = all_differences(store.sides(), other.sides(), store=store.name, given=other.name)
-    raise UsageError(f"{store.name} and {other.name} are of different campaigns\n{lines}")
+@dataclass(frozen=True)
+class _Part:
+    """What a store of a part of a campaign has."""
+
+    folder: Path
+    name: str
+    about: dict[str, str]
+    runs: int
+    shards: list[str]
+    chunks: dict[int, int]
+    damaged: int
 
 
-def _told_left(stores: Sequence[Store]) -> str:
-    """How many runs are in none of some stores of one campaign, and the shards that they belong to; nothing if none."""
+def _part(folder: Path, store: Store) -> _Part:
+    with in_words(store.name):
+        damaged = damaged_chunks(store.connection)
+        chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
+        about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}
+        runs = int(store.meta("runs"))
     # Damaged chunks count as missing: they will not be taken.
-    held: dict[int, int] = {}
-    for store in stores:
-        with in_words(store.name):
-            bad = damaged_chunks(store.connection)
-            chunks = store.connection.execute("SELECT id, runs FROM chunks").fetchall()
-        held |= {number: runs for number, runs in chunks if number not in bad}
-    missing = sorted(set(range(int(stores[0].meta("chunks")))) - set(held))
+    sound = {number: count for number, count in chunks.items() if number not in damaged}
+    return _Part(folder, store.name, about, runs, store.shards(), sound, len(damaged))
+
+
+def _reopened(part: _Part) -> Store:
+    """The store of a part, which was looked at before."""
+    return Store(connect_to_read(part.folder / FILE), part.name)
+
+
+def _check_same(part: _Part, other: _Part) -> None:
+    if part.about == other.about:
+        return
+    with _reopened(part) as one, _reopened(other) as another:
+        lines = all_differences(
+            one.sides(), another.sides(), store=part.name, given=other.name, parts=bool(part.shards)
+        )
+    if part.about["fingerprint"] == other.about["fingerprint"] and part.about["chunks"] == other.about["chunks"]:
+        lines = "what the inventory carries along, or damage: differs; call `tdint campaign` for each of them again"
+    raise UsageError(f"{part.name} and {other.name} are of different campaigns\n{lines}")
+
+
+def _told_left(parts: Sequence[_Part]) -> str:
+    """How many runs are in none of some stores of one campaign, and the shards that they belong to; nothing if none."""
+    held = {number: runs for part in parts for number, runs in part.chunks.items()}
+    missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(held))
     if not missing:
         return ""
-    every = int(stores[0].meta("runs"))
+    every = parts[0].runs
     told = f"{every - sum(held.values())} of {how_many(every, 'run')} are in none of the folders"
     # Shards of one division alone tell which are missing: that is the usual case.
-    given = {text for store in stores for text in store.shards()}
+    given = {text for part in parts for text in part.shards}
     if len(divisions := {int(text.partition("/")[2]) for text in given}) != 1:
         return told
     (of,) = divisions
@@ -408,9 +387,9 @@ def _told_left(stores: Sequence[Store]) -> str:
     return f"{told}: missing {'shard' if len(words) == 1 else 'shards'} {', '.join(words)}"
 
 
-def _tell(store: Store, damaged: int) -> None:
-    if damaged:
-        _log.warning("%s: %d chunks of runs are not as they were written and are left out", store.name, damaged)
+def _tell(part: _Part) -> None:
+    if part.damaged:
+        _log.warning("%s: %d chunks of runs are not as they were written and are left out", part.name, part.damaged)
 
 
 def _copy(source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True) -> None:
@@ -419,11 +398,26 @@ def _copy(source: Store, target: Store, table: str, accept: Callable[[Any], bool
     target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(accept, rows))
 
 
-def _take_chunks(source: Store, target: Store, bad: set[int]) -> None:
+def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
+    """Take what the campaign is, the first time, and the buildings of all parts: all of it or nothing."""
+    with transaction(target.connection, target.name):
+        begins = is_empty(target)
+        for statement in TABLES if begins else ():
+            target.connection.execute(statement)
+        for number, part in enumerate(parts):
+            with _reopened(part) as source:
+                for table in (*(("meta", "records") if begins and not number else ()), *_OF_BUILDINGS):
+                    _copy(source, target, table)
+                target.add_unused((kind, reason) for kind, reasons in source.unused().items() for reason in reasons)
+        if shards := list(dict.fromkeys([*target.shards(), *(text for part in parts for text in part.shards)])):
+            values = ("shards", json.dumps(shards))
+            target.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+        target.seal()
+
+
+def _take_chunks(source: Store, target: Store, sound: set[int]) -> None:
     """Take the chunks that a source has alone: of one that both have, the rows are not mixed."""
-    new = source.done() - bad - target.done()
+    new = sound - target.done()
     with transaction(target.connection, target.name):
         for table, place in _ROWS.items():
             _copy(source, target, table, lambda row, place=place: row[place] in new)  # type: ignore[misc]
-        target.add_unused((kind, reason) for kind, reasons in source.unused().items() for reason in reasons)
-        target.seal()

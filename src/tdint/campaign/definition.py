@@ -24,7 +24,7 @@ from tdint.model.keys.fields import ANY, POSITIVE, Bounds, Key, Keys, Schema, Va
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tdint.model.inventory import InventoryRow
+    from tdint.model.inventory import InventoryRows
 
 
 # ---- Sweeps: each building of a campaign varied over grids and samples of its parameters, methods and steps, as the
@@ -155,7 +155,7 @@ class ParameterSweep:
             for dt in self.steps or (None,)
         )
 
-    def of_rows(self, rows: Sequence[InventoryRow]) -> tuple[InventoryRow, ...]:
+    def of_rows(self, rows: InventoryRows) -> InventoryRows:
         """All variations of the buildings of an inventory: scatter and drawn motions of one are those of the others.
 
         Raises
@@ -163,8 +163,8 @@ class ParameterSweep:
         UsageError
             A drawn value is out of range; too many variations.
         """
-        changes = [(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in enumerate(self.changes(), 1)]
-        return tuple(replace(row, changes=change, label=label) for row in rows for change, label in changes)
+        draws = enumerate(self.changes(), start=1)
+        return replace(rows, changes=[(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in draws])
 
     def _label(self, change: Mapping[str, float], number: int, method: str | None, dt: float | None) -> str:
         """What tells a variation from the others of its building."""

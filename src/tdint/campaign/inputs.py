@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -35,7 +35,6 @@ from tdint.campaign.motions import (
     GridMotions,
     meters,
     nearest,
-    places_of,
 )
 from tdint.campaign.sites import read_field, read_grid
 from tdint.csv_table import no_number, number, read_table
@@ -47,7 +46,7 @@ from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
 from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
-from tdint.model.inventory import InventoryRow, read_inventory
+from tdint.model.inventory import InventoryRows, read_inventory
 from tdint.model.keys.fields import resolve
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
@@ -62,7 +61,7 @@ class Inputs:
     ----------
     models : tuple of Model
         Of model files, with what the campaign says of all buildings.
-    rows : tuple of InventoryRow
+    rows : InventoryRows or None
         Of an inventory.
     motions : FoundMotions
         The ground motions.
@@ -79,7 +78,7 @@ class Inputs:
     """
 
     models: tuple[Model, ...] = ()
-    rows: tuple[InventoryRow, ...] = ()
+    rows: InventoryRows | None = None
     motions: FoundMotions = field(default_factory=FoundMotions)
     assignment: Assignment | None = None
     factors: FactorTable | None = None
@@ -101,7 +100,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         A grid without an inventory.
     """
     models: tuple[Model, ...] = ()
-    rows: tuple[InventoryRow, ...] = ()
+    rows: InventoryRows | None = None
     faults: tuple[ModelError, ...] = ()
     sweep = campaign.sweep or ParameterSweep()
     # Buildings first: faults of model files are told before records are read.
@@ -126,10 +125,10 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
         faults = (*faults, *((ModelError(lost),) if lost else ()))
     # Costs go into no run, but a wrong one would come up only after all of them.
-    if rows and isinstance(campaign.buildings, InventoryFile) and campaign.damage:
-        _check_costs(campaign.buildings.file, rows)
+    if rows and campaign.damage:
+        _check_costs(rows)
     with sweep.told_at_its_place():
-        rows = sweep.of_rows(rows) if campaign.sweep else rows
+        rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
     return Inputs(
         models,
         rows,
@@ -181,7 +180,7 @@ def adapted(model: Model, analysis: AnalysisWishes) -> Model:
     return model
 
 
-def read_rows(buildings: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[ModelError, ...]]:
+def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
     """The buildings of an inventory, and what is wrong with those that are left out.
 
     Raises
@@ -199,17 +198,17 @@ def read_rows(buildings: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple
     )
     if not rows:
         raise ModelError(faults or f"{buildings.file}: has no building")
-    return tuple(rows), (ModelError(faults),) if faults else ()
+    return rows, (ModelError(faults),) if faults else ()
 
 
-def _check_costs(file: str, rows: tuple[InventoryRow, ...]) -> None:
+def _check_costs(rows: InventoryRows) -> None:
     """Raise ModelError for costs and numbers of buildings that are none: all of them, before any run."""
     faults: list[ModelFault] = []
-    for name in (COST, NUMBER):
-        if name in [column.lower() for column in rows[0].columns]:
-            bad = [row.id for row in rows if (text := row.cell(name)) and not number(text) >= 0.0]
-            if bad:
-                faults += _faults(file, name, bad, lambda _, text: no_number(text, "zero or a positive number"))
+    for name in filter(rows.of.table.has, (COST, NUMBER)):
+        faults += rows.faults(
+            name,
+            lambda _, text: no_number(text, "zero or a positive number") if text and not number(text) >= 0.0 else "",
+        )
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
 
@@ -218,8 +217,8 @@ def _placed(
     campaign: CampaignFile,
     records: GridFile | FieldFile,
     motions: GridMotions | FieldMotions,
-    rows: tuple[InventoryRow, ...],
-) -> tuple[tuple[InventoryRow, ...], list[ModelFault], tuple[ModelFault, ...]]:
+    rows: InventoryRows | None,
+) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
     """The buildings that have a place near enough to a site, and those left out: without a place, and too far away. Of
     fields the nearest site and its distance go before the other columns that are carried along.
 
@@ -230,50 +229,34 @@ def _placed(
     ModelError
         None is left.
     """
-    if not isinstance(campaign.buildings, InventoryFile):
+    if rows is None:
         raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
-    file, lost = campaign.buildings.file, list[ModelFault]()
     # A row without a place is a fault of the file; one that is too far away is not.
-    nowhere = [row.id for row in rows if row.latitude is None or row.longitude is None]
-    if nowhere:
+    lost, nowhere = list[ModelFault](), np.isnan(rows.places[:, 0] + rows.places[:, 1])
+    if nowhere.any():
         missing = "is missing; motions at places need that of each building"
         for name in ("Latitude", "Longitude"):
-            lost += _faults(file, name, nowhere, lambda _, text: "" if text else missing)
+            lost += rows.only(nowhere).faults(name, lambda _, text: "" if text else missing)
         lost.sort(key=lambda fault: (fault.line, fault.column))
-    placed = [row for row in rows if row.latitude is not None and row.longitude is not None]
+    placed = rows.only(~nowhere)
     if not placed:
         raise ModelError(lost)
     # What is nearest may be told in degrees; how far away it is, is always in m.
-    sites = nearest(places_of(placed), motions.places, records.distance)
-    away = meters(places_of(placed), [motions.places[site] for site in sites.tolist()])
-    kept, beyond = list[InventoryRow](), dict[str, float]()
-    columns = ("site", "distance_km", *placed[0].columns)
-    for row, site, distance in zip(placed, sites.tolist(), away.tolist(), strict=True):
-        if distance > records.max_distance:
-            beyond[row.id] = distance
-        elif isinstance(motions, FieldMotions):
-            # Cells are kept as JSON: those of the site go before it without reading it again.
-            site_cells = json.dumps([motions.sites[site], f"{1e-3 * distance:.6g}"])
-            kept.append(
-                replace(
-                    row, columns=columns, cells=f"{site_cells[:-1]}, {row.cells[1:]}" if row.columns else site_cells
-                )
-            )
-        else:
-            kept.append(row)
+    sites = nearest(placed.places, motions.places, records.distance)
+    away = meters(placed.places, np.array(motions.places)[sites])
+    too_far = away > records.max_distance
+    kept, beyond = placed.only(~too_far), 1e-3 * away[too_far]
+    if isinstance(motions, FieldMotions):
+        kept = replace(kept, near=(motions.sites, sites[~too_far], away[~too_far]))
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
-    far: list[ModelFault] = []
-    if beyond:
-        far = _faults(
-            file, "Latitude", beyond, lambda id, _: f"{1e-3 * beyond[id]:.4g} km from the nearest site; {limit}"
-        )
+    far = placed.only(too_far).faults("Latitude", lambda at, _: f"{beyond[at]:.4g} km from the nearest site; {limit}")
     if not kept:
         raise ModelError([*lost, *far])
-    return tuple(kept), lost, tuple(far)
+    return kept, lost, tuple(far)
 
 
 def _assignment(
-    campaign: CampaignFile, motions: GridMotions | FieldMotions | None, rows: tuple[InventoryRow, ...], models: int
+    campaign: CampaignFile, motions: GridMotions | FieldMotions | None, rows: InventoryRows | None, models: int
 ) -> Assignment | None:
     """The motions of each building: draws near it, or the events of the nearest site, of the one that it names, or,
     without sites, all; None for all motions.
@@ -290,39 +273,24 @@ def _assignment(
         return None
     if isinstance(motions, GridMotions):
         assert isinstance(records, GridFile)
+        assert rows is not None
         return GridDraws(rows, motions, records)
     # Events without sites act on all buildings alike.
     if motions.sites == ("",):
-        return FieldDraws(motions, np.zeros(len(rows) or models, dtype=np.int64))
-    if motions.places:
-        return FieldDraws(motions, motions.nearest(rows, records.distance))
-    if not rows or "site" not in [name.lower() for name in rows[0].columns]:
+        return FieldDraws(motions, np.zeros(len(rows) if rows else models, dtype=np.int64))
+    if rows and rows.near is not None:
+        return FieldDraws(motions, np.repeat(rows.near[1], len(rows.changes)))
+    if not rows or not rows.of.table.has("site"):
         raise UsageError(
             f"{campaign.source}: events at sites need an inventory with a column `site`, or `sites` of the records, a "
             "file of their places"
         )
     # Sites without places are named by the buildings themselves.
     numbers = {site: number for number, site in enumerate(motions.sites)}
-    named = [row.cell("site") for row in rows]
-    lost = [row.id for row, site in zip(rows, named, strict=True) if site not in numbers]
-    if lost and isinstance(campaign.buildings, InventoryFile):
-        reason = f"is not in {records.file}; known: {', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
-        raise ModelError(_faults(campaign.buildings.file, "site", lost, lambda _, text: f"{text!r} {reason}"))
-    return FieldDraws(motions, np.array([numbers[site] for site in named], dtype=np.int64))
-
-
-def _faults(file: str, column: str, ids: Collection[str], message: Callable[[str, str], str]) -> list[ModelFault]:
-    """Where some buildings of an inventory stand, and what is wrong with their cells in a column, by their id and what
-    stands there; nothing to say of a cell is no fault."""
-    table = read_table(file, "an inventory", columns=("id", column))
-    table.need(column)
-    rows, lost = zip(table.lines("id"), table.texts(column), strict=True), set(ids)
-    place = table.header.index(column.lower()) + 1
-    return [
-        ModelFault(file, line, place, column, said)
-        for (line, name), text in rows
-        if name in lost and (said := message(name, text))
-    ]
+    reason = f"is not in {records.file}; known: {', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
+    if lost := rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}"):
+        raise ModelError(lost)
+    return FieldDraws(motions, np.repeat([numbers[site] for site in rows.texts("site")], len(rows.changes)))
 
 
 def read_motions(records: RecordFiles) -> FoundMotions:

@@ -21,12 +21,15 @@ from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
-from tdint.model.inventory import InventoryRow
+from tdint.model.inventory import InventoryRows
 
 MAX_DISTANCE = 15e3
 """Of a building from the site whose motions it gets, m; `asset_hazard_distance` of OpenQuake has this by default."""
 
 _EARTH = 6371e3  # m, mean radius
+
+Places = Sequence[tuple[float, float]] | Array
+"""Longitudes and latitudes, degrees."""
 
 
 class Draw(NamedTuple):
@@ -94,10 +97,6 @@ class FieldMotions:
             Draw(motion, event, value / part) for event, record, value in rows for motion, part in self.motions[record]
         )
 
-    def nearest(self, rows: Sequence[InventoryRow], distance: str) -> NDArray[np.int64]:
-        """Of each building, all of which have a place, the number of the nearest site."""
-        return nearest(places_of(rows), self.places, distance)
-
 
 @dataclass(frozen=True)
 class FieldDraws:
@@ -118,8 +117,11 @@ class FieldDraws:
     def draws(self, building: int) -> Sequence[Draw]:
         return self.field.draws(int(self.site_of[building]))
 
-    def alike(self, building: int) -> int:
-        return int(self.site_of[building])
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        field = self.field
+        of_record = np.array([sum(runs(motion) for motion, _ in motions) for motions in field.motions], dtype=np.int64)
+        before = np.concatenate([[0], np.cumsum(of_record[field.record])])
+        return np.asarray(np.diff(before[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
         field, whole = self.field, hashlib.sha256(repr((self.field.sites, self.field.motions)).encode())
@@ -170,9 +172,9 @@ class EveryMotion:
         """The motions of a building."""
         return [Draw(motion, 0) for motion in range(self.count)]
 
-    def alike(self, building: int) -> int:
-        """A number that buildings share which get the same motions."""
-        return 0
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        """How many runs each building has, where a motion has so many."""
+        return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
         """What is drawn and how, for the fingerprint."""
@@ -217,7 +219,7 @@ class GridDraws:
 
     Attributes
     ----------
-    rows : sequence of InventoryRow
+    rows : InventoryRows
         The buildings, each with its place.
     grid : GridMotions
         The points that have motions.
@@ -225,7 +227,7 @@ class GridDraws:
         How they are drawn.
     """
 
-    rows: Sequence[InventoryRow] = field(repr=False)
+    rows: InventoryRows = field(repr=False)
     grid: GridMotions
     wanted: GridFile
 
@@ -241,8 +243,13 @@ class GridDraws:
             drawn += [Draw(motion, sample, factor) for motion in chosen]
         return sorted(drawn)
 
-    def alike(self, building: int) -> int:
-        return building
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        # All choices bring as many runs almost always: nothing needs to be drawn then.
+        each = {sum(map(runs, chosen)) for choices in self.grid.motions for chosen, _ in choices}
+        if len(each) == 1:
+            return np.full(buildings, self.wanted.samples * each.pop(), dtype=np.int64)
+        drawn = map(self.draws, range(buildings))
+        return np.array([sum(runs(draw.motion) for draw in draws) for draws in drawn], dtype=np.int64)
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """The points near a building, and how likely each is: by 1 / distance^2."""
@@ -259,7 +266,7 @@ class GridDraws:
 
     @cached_property
     def _places(self) -> Array:
-        return coordinates(places_of(self.rows), self.wanted.distance)
+        return coordinates(self.rows.places, self.wanted.distance)
 
     @cached_property
     def _points(self) -> Array:
@@ -274,25 +281,18 @@ Assignment = EveryMotion | FieldDraws | GridDraws
 """Which motions each building gets; `EveryMotion` says what all of them tell."""
 
 
-def places_of(rows: Sequence[InventoryRow]) -> list[tuple[float, float]]:
-    """Longitude and latitude of buildings, degrees."""
-    return [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
-
-
-def nearest(
-    here: Sequence[tuple[float, float]], there: Sequence[tuple[float, float]], distance: str
-) -> NDArray[np.int64]:
+def nearest(here: Places, there: Places, distance: str) -> NDArray[np.int64]:
     """Of each place the number of the nearest of others."""
     return np.asarray(cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64)
 
 
-def meters(here: Sequence[tuple[float, float]], there: Sequence[tuple[float, float]]) -> Array:
+def meters(here: Places, there: Places) -> Array:
     """The distance of each place from another one on the earth, m."""
     chord = np.linalg.norm(coordinates(here, "km") - coordinates(there, "km"), axis=1)
     return np.asarray(2.0 * _EARTH * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
-def coordinates(places: Sequence[tuple[float, float]], distance: str) -> Array:
+def coordinates(places: Places, distance: str) -> Array:
     """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes in degrees."""
     return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 

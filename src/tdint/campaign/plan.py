@@ -20,7 +20,14 @@ from numpy.typing import NDArray
 from tdint.analysis.run.together import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
-from tdint.campaign.buildings import Buildings, GivenBuilding, Rules, given_buildings, inventory_buildings
+from tdint.campaign.buildings import (
+    Buildings,
+    GivenBuilding,
+    RowBuildings,
+    Rules,
+    different,
+    given_buildings,
+)
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
@@ -41,7 +48,6 @@ _SECONDS_PER_STEP = 0.15e-6
 
 _SECONDS_PER_BUILDING = 2e-4
 _CHUNKS = 64
-_LOOKED_AT = 1000
 _MOST_NAMES = 10  # that a note names
 _KEPT = 1000  # buildings whose steps are remembered
 _SHORTEST, _LONGEST = 0.002, 2.0
@@ -122,7 +128,7 @@ class Plan:
     @property
     def models(self) -> list[Model]:
         """The models of its buildings, where they come from files; none of an inventory."""
-        return [building.made.model for building in self.buildings if isinstance(building, GivenBuilding)]
+        return [given.made.model for given in different(self.buildings) if isinstance(given, GivenBuilding)]
 
     @property
     def runs(self) -> int:
@@ -137,6 +143,14 @@ class Plan:
     def size(self, chunk: int) -> int:
         """How many runs a chunk has."""
         return int(self._cuts[chunk + 1] - self._cuts[chunk])
+
+    def buildings_of(self, chunks: Sequence[int]) -> list[int]:
+        """The buildings whose runs some chunks have; one without any belongs to the chunk that goes on behind it."""
+        firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
+        firsts[0] = 0
+        # A building may begin in one chunk and end in the next one.
+        lasts = np.append(firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings))
+        return sorted({at for chunk in chunks for at in range(firsts[chunk], lasts[chunk])})
 
     def chunk(self, number: int) -> Chunk:
         """A chunk with all that its runs need. Errors are those of intensity measures that a motion does not have."""
@@ -158,8 +172,7 @@ class Plan:
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
-        # Of an inventory all buildings have the same wishes: some of them are enough.
-        analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
+        analyses = {building.wishes for building in different(self.buildings)}
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
                 record = motion.record
@@ -171,13 +184,7 @@ class Plan:
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
         """Runs of each building."""
-        counts: dict[int, int] = {}
-        # Buildings that draw alike have as many runs: counted once, for there may be a million.
-        alike = [self.assignment.alike(building) for building in range(len(self.buildings))]
-        for building, key in enumerate(alike):
-            if key not in counts:
-                counts[key] = sum(self.levels.count(draw.motion) for draw in self.assignment.draws(building))
-        return np.array([counts[key] for key in alike], dtype=np.int64)
+        return self.assignment.counts(len(self.buildings), self.levels.count)
 
     @cached_property
     def _ends(self) -> NDArray[np.int64]:
@@ -191,7 +198,8 @@ class Plan:
     def _cuts(self) -> NDArray[np.int64]:
         """The first run of each chunk, and the number of all runs."""
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
-        stories = np.array([building.stories for building in self.buildings])
+        of = self.buildings
+        stories = of.rows.stories if isinstance(of, RowBuildings) else np.array([building.stories for building in of])
         counts = np.maximum(self._counts, 1)
         # What a run costs, by its steps and stories, and by the building that is made for it.
         each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
@@ -280,7 +288,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     else:
         assert inputs.factors is not None
         levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
-    ends = [campaign.settings.duration or building.wishes[1] for building in buildings[:_LOOKED_AT]]
+    ends = [campaign.settings.duration or building.wishes[1] for building in different(buildings)]
     notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
     # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
@@ -327,7 +335,8 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
                 collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
                 p_delta=bool(analysis.p_delta),
             )
-            return inventory_buildings(inputs.rows, rules)
+            assert inputs.rows is not None
+            return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
     # Of a sweep the variations of a model are buildings of their own.

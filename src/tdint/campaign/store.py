@@ -14,7 +14,7 @@ from typing import Any, Self
 from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, RunRow
-from tdint.campaign.buildings import Buildings, model_files, output_units, plugin_files
+from tdint.campaign.buildings import Buildings, RowBuildings, digests_of, model_files, output_units, plugin_files
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import SILENT, UntrustedStoreError, connect, connect_to_read, in_words, transaction
@@ -62,6 +62,8 @@ class Identity:
         How often events come in a year, as far as it is told.
     style : tuple of (str, str)
         Looks of the pictures, and the folder that a style sheet in them is relative to.
+    kept : sequence of int or None
+        The buildings that the store tells of: those of a shard; None: all.
     """
 
     name: str
@@ -79,10 +81,11 @@ class Identity:
     outputs: Sequence[str] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
     style: tuple[str, str] = ("", "")
+    kept: Sequence[int] | None = None
 
     @classmethod
-    def of(cls, plan: Plan) -> Identity:
-        """What the store of a campaign is of."""
+    def of(cls, plan: Plan, kept: Sequence[int] | None) -> Identity:
+        """What the store of a campaign is of, or of a part of its buildings."""
         return cls(
             name=plan.name,
             kind="campaign",
@@ -98,13 +101,9 @@ class Identity:
             outputs=plan.outputs,
             rates=plan.rates,
             style=plan.style,
+            kept=kept,
             files=model_files(plan.buildings) | {file: digest_of(Path(file)) for file in plan.inventory},
         )
-
-    @cached_property
-    def digests(self) -> list[str]:
-        """SHA-256 of the buildings."""
-        return [building.digest for building in self.buildings]
 
     @cached_property
     def code(self) -> dict[str, str]:
@@ -119,16 +118,16 @@ class Identity:
         if self.code:
             whole.update(json.dumps(["plug-ins", self.code]).encode())
         records = [motion.record.digest for motion in self.motions]
-        for kind, digests in (("buildings", self.digests), ("records", records)):
+        for kind, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
             whole.update(kind.encode())
             for digest in digests:
                 whole.update(digest.encode())
         return whole.hexdigest()
 
     @property
-    def sides(self) -> tuple[dict[str, str], ...]:
+    def sides(self) -> Sides:
         """What `all_differences` compares."""
-        named = dict(zip((building.name for building in self.buildings), self.digests, strict=True))
+        named = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions that share name and component, as draws of a grid do, are told apart by their numbers.
         for number, motion in enumerate(self.motions, start=1):
@@ -158,17 +157,20 @@ def differences(before: dict[str, str], now: dict[str, str], *, kind: str, store
     return lines
 
 
-def all_differences(
-    before: Iterable[dict[str, str]], now: Iterable[dict[str, str]], *, store: str = "the store", given: str
-) -> str:
-    """What differs of settings, buildings, records, files of plug-ins, each side's four in this order; a line each."""
+Sides = Sequence[Mapping[str, str]]
+"""Settings, buildings, records, files of plug-ins, from names to values or to SHA-256."""
+
+
+def all_differences(before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False) -> str:
+    """What differs of two sides, a line each. Of parts of a campaign each tells of its own buildings alone."""
     kinds = ("setting", "building", "record", "plug-in")
-    lines = [
-        line
-        for kind, stored, other in zip(kinds, before, now, strict=True)
-        for line in differences(stored, other, kind=kind, store=store, given=given)
-    ]
-    return "\n".join(lines or ["the order of buildings or records: differs"])
+    lines = []
+    for kind, stored, other in zip(kinds, before, now, strict=True):
+        both = stored.keys() & other.keys() if parts and kind == "building" else stored.keys() | other.keys()
+        sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
+        lines += differences(*sides, kind=kind, store=store, given=given)
+    rest = "buildings of other parts: differ" if parts else "the order of buildings or records: differs"
+    return "\n".join(lines or [rest])
 
 
 # ---- Store
@@ -245,7 +247,7 @@ class Store:
         """SHA-256 of the files of plug-ins that its runs were made with, by name."""
         return dict(json.loads(self._known("code") or "{}"))
 
-    def sides(self) -> tuple[dict[str, str], ...]:
+    def sides(self) -> Sides:
         """What `all_differences` compares."""
         return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
 
@@ -351,45 +353,45 @@ class Store:
     def tell(self, identity: Identity) -> None:
         """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, looks
         of pictures, files of models, and columns of an inventory."""
-        self._tell_inventory(identity)
+        buildings, every = identity.buildings, len(identity.buildings)
+        columns = buildings[0].columns
+        carried = buildings.rows.digest(carried=True) if isinstance(buildings, RowBuildings) else ""
         values = {
+            "inventory": json.dumps({"columns": columns, "sha256": carried}),
             "output_units": str(identity.units),
             "damage": identity.damage.description() if identity.damage else "",
             "files": json.dumps(dict(identity.files)),
             "outputs": json.dumps(identity.outputs),
             "rates": json.dumps(dict(identity.rates)),
             "style": json.dumps(identity.style),
-            "periods": json.dumps([item.subject().period for item in identity.buildings if item.is_model]),
+            "periods": json.dumps([] if carried else [building.subject().period for building in buildings]),
         }
         # Most calls say what is there already: nothing is written then, and others can read on.
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
         same = all(self._known(key) == value for key, value in values.items())
-        if same and sorted(before) == sorted(dict.fromkeys(identity.unused)):
+        held = {number for (number,) in self.connection.execute("SELECT id FROM buildings")}
+        new = sorted(set(range(every) if identity.kept is None else identity.kept) - held)
+        if same and not new and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
+        types = identity.damage.buildings if identity.damage else ()
         # All or nothing, sealed in the same transaction, so that no reader finds half of it.
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
-            self.connection.execute("DELETE FROM building_types")
-            rows = ((number, *item) for number, item in enumerate(identity.damage.buildings if identity.damage else ()))
-            self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
-            self.seal()
-
-    def _tell_inventory(self, identity: Identity) -> None:
-        """Keep the columns of an inventory that are carried along: other ones change no run."""
-        columns = identity.buildings[0].columns
-        cells = [building.cells for building in identity.buildings] if columns else []
-        whole = hashlib.sha256(json.dumps(columns).encode())
-        for cell in cells:
-            whole.update(cell.encode())
-        told = json.dumps({"columns": columns, "sha256": whole.hexdigest()})
-        if self._known("inventory") == told:
-            return
-        with in_words(self.name), transaction(self.connection, self.name):
-            self.connection.execute("INSERT OR REPLACE INTO meta VALUES('inventory', ?)", (told,))
-            self.connection.execute("DELETE FROM inventory")
-            self.connection.executemany("INSERT INTO inventory VALUES(?, ?)", enumerate(cells))
+            # Of buildings that are there already what may have changed is told anew.
+            add = self.connection.execute
+            for table in () if same else ("inventory", "building_types"):
+                add(f"DELETE FROM {table}")
+            for number in new if same else sorted(held.union(new)):
+                item = buildings[number]
+                if number not in held:
+                    about = (number, item.name, item.method, item.stories, item.digest)
+                    add("INSERT INTO buildings VALUES(?, ?, ?, ?, ?)", about)
+                if columns:
+                    add("INSERT INTO inventory VALUES(?, ?)", (number, item.cells))
+                if types:
+                    add("INSERT INTO building_types VALUES(?, ?, ?, ?)", (number, *types[number]))
             self.seal()
 
     def inventory_columns(self) -> tuple[str, ...]:
@@ -499,9 +501,10 @@ class Store:
         return {number: (name, component, direction) for number, name, component, direction in rows}
 
 
-def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
-    """The store of a campaign in a folder, in memory without one; results and errors are those of `open_or_begin`."""
-    return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan))
+def open_store(folder: Path | None, plan: Plan, kept: Sequence[int] | None = None) -> tuple[Store, list[str]]:
+    """The store of a campaign in a folder, in memory without one, which tells of all buildings or of those of a shard;
+    results and errors are those of `open_or_begin`."""
+    return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan, kept))
 
 
 def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) -> tuple[Store, list[str]]:
@@ -612,7 +615,9 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         It is of others: what differs, one line each.
     """
     if identity.fingerprint != store.meta("fingerprint"):
-        lines = all_differences(store.sides(), identity.sides, given=f"this {identity.kind}")
+        lines = all_differences(
+            store.sides(), identity.sides, given=f"this {identity.kind}", parts=bool(store.shards())
+        )
         raise UsageError(
             f"{store.name}: holds another {identity.kind}; give another folder with -o, or --overwrite to begin anew\n"
             f"{lines}"
@@ -669,12 +674,11 @@ def _create(store: Store, identity: Identity) -> None:
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
     if identity.code:
         about["code"] = json.dumps(identity.code)
-    if any(varied := [dict(any_building.varied) for any_building in identity.buildings]):
+    # Of an inventory without a sweep there is nothing to be looked for in a million buildings.
+    buildings = identity.buildings
+    is_varied = not isinstance(buildings, RowBuildings) or buildings.rows.is_varied
+    if any(varied := [dict(building.varied) for building in buildings] if is_varied else []):
         about["varied"] = json.dumps(varied)
-    buildings = (
-        (number, building.name, building.method, building.stories, digest)
-        for number, (building, digest) in enumerate(zip(identity.buildings, identity.digests, strict=True))
-    )
     records = (
         (number, _text(motion.name), _text(motion.component), motion.direction,
          (record := motion.record).dt, record.acceleration.size, record.pga, measure(record).pgv, record.digest)
@@ -684,7 +688,6 @@ def _create(store: Store, identity: Identity) -> None:
         for statement in schema.TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
-        store.connection.executemany("INSERT INTO buildings VALUES(?, ?, ?, ?, ?)", buildings)
         store.connection.executemany("INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", records)
         store.seal()
 

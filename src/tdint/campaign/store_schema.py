@@ -218,7 +218,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 # ---- Schema
 
-VERSION = "8"
+VERSION = "9"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}

@@ -8,12 +8,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding
+from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding, RowBuildings, different
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
@@ -257,9 +256,8 @@ class Damage:
 
     def description(self) -> str:
         """The states of each type as a store keeps them, and the SHA-256 of what its buildings are; JSON."""
-        whole = hashlib.sha256()
-        for building in self.buildings:
-            whole.update(repr(tuple(building)).encode())
+        texts = {building: repr(tuple(building)) for building in set(self.buildings)}
+        whole = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
         return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
@@ -273,22 +271,30 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
         A type has no states, or its buildings have not what the demand is made of.
     """
     # Models may say their states themselves; then all of them must.
-    models = [given.made.model for given in buildings if isinstance(given, GivenBuilding)]
+    models = [given.made.model for given in different(buildings) if isinstance(given, GivenBuilding)]
     if request is None and not any(model.damage for model in models):
         return None
     # The states of a type are looked for once, by its first building.
     types: dict[str, DamageStates] = {}
     of_buildings: list[BuildingType] = []
-    for building in buildings:
+    # Buildings of an inventory that differ by place and size alone are made once.
+    firsts: Sequence[int] = range(len(buildings))
+    if isinstance(buildings, RowBuildings) and not (buildings.rules.stiffness or buildings.rules.damping):
+        firsts = buildings.rows.alike
+    for at, first in enumerate(firsts):
+        if first < at:
+            of_buildings.append(of_buildings[first])
+            continue
+        building = buildings[at]
         if isinstance(building, RowBuilding):
             rules, facts = building.rules, building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(request, classes, name, facts)
             if rules.stiffness or rules.damping or building.row.changes:
                 divisor_and_period = _of_model(building.subject().model, states.demand)
-            else:  # Buildings that differ by their size alone are made once.
-                alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
-                divisor_and_period = _of_facts(alike, rules.name, states.demand)
+            else:
+                sized = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
+                divisor_and_period = _divisor_and_period(RULES[rules.name](sized, None).stories, states.demand, "")
         else:
             model = building.made.model
             name = model.name
@@ -360,11 +366,6 @@ def own_type(model: Model) -> BuildingType | None:
         It has not what the demand is made of.
     """
     return BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
-
-
-@lru_cache(maxsize=10_000)
-def _of_facts(facts: BuildingFacts | CapacityFacts, rules: str, demand: str) -> tuple[float, float]:
-    return _divisor_and_period(RULES[rules](facts, None).stories, demand, "")
 
 
 def _of_model(model: Model, demand: str) -> tuple[float, float]:

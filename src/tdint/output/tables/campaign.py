@@ -37,7 +37,6 @@ from tdint.output.tables.table import (
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
 if TYPE_CHECKING:
-    from tdint.campaign.carry_out import CampaignRuns
     from tdint.campaign.fragility.measures import MeasuredRun, RunMeasure
     from tdint.campaign.profiles import FloorSuite, Profile, Ratios, RunFloors
     from tdint.campaign.store import Store
@@ -166,7 +165,7 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 """As JSON writes numbers: 02138 is a word."""
 
 
-def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
+def run_columns(store: Store) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
     columns = (
         *RUNS,
@@ -194,7 +193,7 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
     ]
 
 
-def run_heads(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
+def run_heads(store: Store) -> Callable[[int, int], list[str]]:
     """What names a run, by the numbers of its building and record: building, record and component."""
     # Once for each of them and not for each run, of which there may be millions.
     buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
@@ -202,7 +201,7 @@ def run_heads(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
     return lambda building, record: [buildings[building], *records[record]]
 
 
-def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
+def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
@@ -382,7 +381,7 @@ def number_text(cell: Any) -> str:
     return "" if cell is None else str(cell)
 
 
-def runs_table(store: Store | CampaignRuns) -> Table:
+def runs_table(store: Store) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
     return Table.of(run_columns(store), rows)
@@ -393,7 +392,7 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
     return Table.of(STATUS, [*statuses.items(), ("left", left)])
 
 
-def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
+def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
     """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
     that is among them gets `inventory_` before its own."""
     columns = [EVENT] if store.events() else []
@@ -410,7 +409,7 @@ def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple
     return tuple(columns)
 
 
-def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
+def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
     """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
     events = [cell_text(event) for event in store.events()]
     last: tuple[int, list[str]] = (-1, [])

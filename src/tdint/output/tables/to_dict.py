@@ -215,7 +215,7 @@ for _kind in (Fragility, Overview, RecordInfo):
 # Several results of a kind without a table for rows are joined before they come here.
 for _several in (Several, list, tuple):
     _values.register(_several, lambda result: _in_rows(list(result)))
-_values.register(CampaignRuns, lambda result: campaign.runs_table(result).by_column())
+_values.register(CampaignRuns, lambda result: campaign.runs_table(result.store).by_column())
 _values.register(Chart, lambda result: methods.chart_table(result).by_column())
 _values.register(Comparison, lambda result: buildings.comparison_table([result]).by_column())
 _values.register(FieldChart, lambda result: methods.profile_table(result).by_column())
