@@ -396,7 +396,8 @@ $ python tests/benchmarks/run.py
 ```
 
 `tdint chart --problems standard --peers --repeat 3 --tolerance 10%,3%,1%,0.3%,0.1%,0.01%` measures the same points, and
-prints a row for each quantity, tolerance and method. OpenSeesPy runs where it is installed (`pip install 'tdint[peers]'`).
+prints a row for each quantity, tolerance and method. OpenSeesPy runs where it is installed (`pip install
+'tdint[peers]'`).
 """
 
 PROFILES = f"""\
@@ -409,8 +410,8 @@ TABLES = """\
 Problems solved within twice the least cost / median of cost over the least cost, of the problems that a method takes /
 the worst of those solved / problems not solved. One that a method does not take is not solved; how many it takes, if
 not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
-more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines `by
-tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells.
+more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
+`by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells.
 """
 
 FAILURES = """\

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -37,7 +38,7 @@ from tdint.analysis.chart.work_precision import (
     within,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
-from tdint.analysis.run.outcome import FailedRun, StoryPeaks
+from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
@@ -307,7 +308,7 @@ def measure_problem(
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
         other = posed.case(parse("moment4")).march(posed.steps(posed.interval / parts))
-        apart = PeakErrors.between(other.stories, true.stories)
+        apart = _off(true.stories, other)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
@@ -327,14 +328,10 @@ def measure_problem(
                 points[pair] = replace(point, times=(*point.times, again.march_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
     # What chooses its steps: all that `tdint run --tolerance` takes
-    choosing = [
-        point
-        for integrator in able
-        if integrator.label in CHOOSING
-        for point in by_tolerance(
-            posed, integrator, tolerances, lambda run: PeakErrors.between(run.stories, true.stories), repeats
-        )
-    ]
+    choosing: list[Point] = []
+    for integrator in able:
+        if integrator.label in CHOOSING:
+            choosing += by_tolerance(posed, integrator, tolerances, partial(_off, true.stories), repeats)
     others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
@@ -353,6 +350,11 @@ def measure_problem(
     )
 
 
+def _off(true: StoryPeaks, response: Response) -> PeakErrors:
+    """The errors of the peaks of a run."""
+    return PeakErrors.between(response.stories, true)
+
+
 def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks) -> list[Point]:
     """One method with all steps, until two in a row are far below all tolerances. Each has one time yet."""
     points: list[Point] = []
@@ -366,7 +368,7 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
             continue
         point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
         if response.status == DONE:
-            point = replace(point, errors=PeakErrors.between(response.stories, true))
+            point = replace(point, errors=_off(true, response))
         points.append(point)
         # Two in a row, for the error of one step may be small by chance.
         last = [point.errors for point in points[-2:] if point.errors]
