@@ -199,7 +199,7 @@ BUDGET = {
     "cli": (44, 7000),
     "output": (26, 6750),
     "campaign": (26, 6300),
-    "analysis": (42, 7850),
+    "analysis": (42, 7900),
     "methods": (12, 1750),
     "model": (21, 3750),
     "ground_motion": (34, 4250),

@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
 import tdint
 from tdint import system
-from tdint.analysis.chart import opensees_worker, profiles
+from tdint.analysis.chart import opensees_worker, profiles, work_precision
 from tdint.analysis.chart import peers as peers_module
 from tdint.analysis.chart.problem import FloorMotion, Reference
 from tdint.analysis.chart.profiles import (
@@ -45,7 +46,7 @@ from tdint.analysis.chart.profiles import (
     measure_problem,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import Chart, PerformanceProfile
+from tdint.analysis.chart.work_precision import Chart, PerformanceProfile, Point, within
 from tdint.errors import TdintError
 from tdint.kernels.building.sources import digest_of_all
 from tdint.methods.catalogue import chosen
@@ -83,7 +84,8 @@ class Entry:
 def journal(methods: Sequence[str], peers: bool) -> Path:
     """The folder of what is finished: another one for other methods, other loops, another way of measuring."""
     sources = [
-        Path(module.__file__).read_text(encoding="utf-8") for module in (profiles, peers_module, opensees_worker)
+        Path(module.__file__).read_text(encoding="utf-8")
+        for module in (profiles, work_precision, peers_module, opensees_worker)
     ]
     program = (version("openseespy") if find_spec("openseespy") else "missing") if peers else "without"
     told = (*methods, program, digest_of_all(), *sources)
@@ -106,7 +108,7 @@ def work(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
     """Measure one of the standard problems and keep it."""
     problem = read_problems(STANDARD)[number]
     began = time.process_time()
-    measured = measure_problem(problem, chosen(methods), peers=peers)
+    measured = measure_problem(problem, chosen(methods), tolerances=TOLERANCES, peers=peers)
     day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     seconds = time.process_time() - began
     new = file.with_suffix(".new")
@@ -180,6 +182,61 @@ def tables_of_profiles(chart: FieldChart) -> str:
         ]
         text += f"### {WORDS[quantity].capitalize()}\n\n{table(heads, rows)}\n"
     return text
+
+
+def dearest(chart: FieldChart, line: str = "impulse4") -> str:
+    """Where a method costs most over the least: of each error of some percent the three dearest problems, and what it
+    and the cheapest method do there."""
+    rows, costs, counts = [], [], []
+
+    def done(point: Point, interval: float, quantity: str) -> list[str]:
+        solves = point.iterations / point.steps
+        return [
+            f"{point.dt / interval:.3g}",
+            f"{100.0 * point.error(quantity):.2g} %",
+            f"{solves:.1f}",
+            f"{1e6 * point.fastest / point.iterations:.2f}",
+        ]
+
+    for tolerance, quantity in product((0.1, COARSE), PEAKS):
+        found = []
+        for one in chart.measured:
+            points = [point for point in one.points if profiles.of_steps(point.line)]
+            best = {
+                point.line: point
+                for point in sorted(points, key=lambda point: -point.fastest)
+                if point in within(points, point.line, quantity, tolerance)
+            }
+            if line in best and one.judges(quantity, tolerance):
+                least = min(best.values(), key=lambda point: point.fastest)
+                found.append((best[line].fastest / least.fastest, one, best[line], least))
+        for ratio, one, ours, least in sorted(found, key=lambda entry: -entry[0])[:3]:
+            rows.append(
+                [
+                    f"{WORDS[quantity]}, {percent(tolerance)}",
+                    f"{one.name}, {one.motion}",
+                    f"{ratio:.1f}",
+                    *done(ours, one.interval, quantity),
+                    f"`{least.line}`",
+                    *done(least, one.interval, quantity),
+                ]
+            )
+            costs.append(ours.fastest / ours.iterations / (least.fastest / least.iterations))
+            counts.append(ours.iterations / ours.steps / (least.iterations / least.steps))
+    each = ["samples a step", "error", "solves a step", "us a solve"]
+    heads = ["error within", "problem", "cost over least", *each, "cheapest", *each]
+    if not rows:
+        return ""
+    return (
+        f"Where an error of some percent will do, `{line}` costs most over the least on these problems. It takes "
+        "forces at two times of a step and solves for displacements and velocities together: here a solve takes "
+        f"{min(costs):.1f} to {max(costs):.1f} times as long as one of the cheapest method. Within a step it goes from "
+        "one turn or kink of a story's force to the next, as smooth hysteresis (bouc-wen, fluid-dampers) has them in "
+        f"each story: a step has {min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors "
+        "small and is wasted on large ones: "
+        f"{PARTS[0]:g} samples, the longest step here, may err by far less than is asked.\n\n"
+        f"{table(heads, rows)}"
+    )
 
 
 def failures(chart: FieldChart) -> str:
@@ -285,7 +342,7 @@ def peers_said(chart: FieldChart) -> str:
             "Medians are of these problems alone. Its costs "
             "are over the least of ours, which they do not change; it is timed once, and begins no run after "
             f"{profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a problem, largest steps "
-            f"first. {named}. {peers_module.ITERATED}.\n\n{gaps}"
+            f"first. Its BoucWen errs with order 1. {named}. {peers_module.ITERATED}.\n\n{gaps}"
         )
     try:
         version("openseespy")
@@ -299,14 +356,14 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
     """The page."""
     chart = whole_chart(entries)
     leaders = chart.leaders()
-    ours = sum(profiles.PEER not in line for line in chart.lines)
+    ours = sum(map(profiles.of_steps, chart.lines))
     missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
         whole > len(entries)
     )
     images = [f"![{text}]({file})\n" for file, text in pictures]
     sections = {
         "Performance profiles": PROFILES + "\n" + "\n".join(images[: len(PEAKS)]),
-        "Tables": TABLES + "\n" + tables_of_profiles(chart),
+        "Tables": TABLES + "\n" + tables_of_profiles(chart) + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
         "Other programs": peers_said(chart),
@@ -338,8 +395,9 @@ ended, it goes on where it was:
 $ python tests/benchmarks/run.py
 ```
 
-`tdint chart --problems standard --peers --repeat 3` measures the same points, and prints a row for each quantity,
-tolerance and method. OpenSeesPy runs where it is installed (`pip install 'tdint[peers]'`).
+`tdint chart --problems standard --peers --repeat 3 --tolerance 10%,3%,1%,0.3%,0.1%,0.01%` measures the same points, and
+prints a row for each quantity, tolerance and method. OpenSeesPy runs where it is installed (`pip install
+'tdint[peers]'`).
 """
 
 PROFILES = f"""\
@@ -352,7 +410,8 @@ TABLES = """\
 Problems solved within twice the least cost / median of cost over the least cost, of the problems that a method takes /
 the worst of those solved / problems not solved. One that a method does not take is not solved; how many it takes, if
 not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
-more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same.
+more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
+`by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells.
 """
 
 FAILURES = """\

@@ -24,7 +24,14 @@ def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-aver
     """A problem on which the error of each method is its step squared, in per cent."""
     points = [
         Point(
-            line, 0.01 * part, 100, "done", errors=PeakErrors(*3 * (0.01 * part**2,)), times=(1e-3 / part,), line=line
+            line,
+            0.01 * part,
+            100,
+            "done",
+            200,
+            errors=PeakErrors(*3 * (0.01 * part**2,)),
+            times=(1e-3 / part,),
+            line=line,
         )
         for line in lines
         for part in PARTS
@@ -46,6 +53,7 @@ def test_the_page_has_the_sections_and_the_words_of_its_program():
         assert text.strip() in PAGE
     assert "|`impulse4`|1/1.00/1.0/0|" in page  # as dear as the other one at each tolerance
     assert "load 0.5 to 0.5" in page
+    assert "|peak total shear, 3 %|linear, near-fault|1.0|1|1 %|2.0|5.00|`impulse4`|1|1 %|2.0|5.00|" in page
 
 
 def test_every_problem_and_method_stands_on_the_page():

@@ -41,8 +41,8 @@ _OF_MODELS = NAMES | {"models", "records", "scale", "duration"}
 _OF_STEPS = _OF_MODELS | {"steps", "halvings", "cache"}
 _ONE = Mode("with one building", _OF_STEPS | {"tolerances", "versus", "peers"})
 _SIZES = Mode("with --stories", _OF_STEPS | {"stories"})
-_MANY = Mode("with many problems", _OF_MODELS | {"peers"})
-_PROBLEMS = Mode("with --problems", frozenset({"peers"}))
+_MANY = Mode("with many problems", _OF_MODELS | {"tolerances", "peers"})
+_PROBLEMS = Mode("with --problems", frozenset({"tolerances", "peers"}))
 MODES = (_ONE, _SIZES, _MANY, _PROBLEMS)
 
 
@@ -110,8 +110,8 @@ class Request(options.record.RecordRequest):
         many=True,
         metavar="RATIO,...",
         common=True,
-        help="Also chart moment4 and impulse4 with the steps that `tdint run --tolerance` chooses for these errors of "
-        "the peak drifts.",
+        help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps that `tdint run "
+        "--tolerance` chooses for these errors of the peak drifts.",
     )
     target: str = options.option(
         type=click.Choice(TARGETS),
@@ -269,7 +269,14 @@ def _chart_many(request: Request) -> None:
     given = _problems(request)
     integrators = _integrators(request, METHODS)
     with progress_bar(request.outputs.table is None) as progress:
-        chart = measure_all(given, integrators, repeats=request.repeat, peers=request.peers, progress=progress)
+        chart = measure_all(
+            given,
+            integrators,
+            repeats=request.repeat,
+            tolerances=request.tolerances or (),
+            peers=request.peers,
+            progress=progress,
+        )
     # Problems whose references are not known well enough for all tolerances
     notes = []
     for case in chart.measured:

@@ -227,7 +227,27 @@ def match_suite(
     damping: float = SA_DAMPING,
 ) -> list[Match]:
     """Bring the mean spectrum of motions to a target, each by the least change to its own scaled spectrum times target
-    over mean: their scatter is kept. Parameters and errors are those of `match`."""
+    over mean: their scatter is kept.
+
+    Parameters
+    ----------
+    motions : sequence
+        The seeds, each as of `match`.
+    target, periods, damping
+        As of `match`.
+
+    Returns
+    -------
+    list of Match
+        One for each seed, in order; its target is its own.
+
+    Raises
+    ------
+    UsageError, AnalysisError, RecordError
+        As of `match`; there are no motions.
+    """
+    if not motions:
+        raise UsageError("a suite has one motion at least")
     seeds, damping = [motion_of(motion) for motion in motions], damping_of(damping)
     aim, checked = _aim(target, periods, damping)
     wanted, before = aim.at(checked), [_judged(seed, checked, damping) for seed in seeds]

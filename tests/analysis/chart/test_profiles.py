@@ -113,6 +113,14 @@ def test_leaders():
     assert (chart.named("exact"), chart.named("sure")) == ("exact (1 of 4)", "sure")
 
 
+def test_what_chooses_its_steps_stands_beside_the_methods():
+    """A line with the time of all of it: it changes no ratio and is not recommended."""
+    ours, choosing = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
+    alone, beside = field_chart([measured(ours)]), field_chart([measured(choosing, ours, points("x/b", 2, 1.0))])
+    assert beside.lines == ["a", "a by tolerance", "x/b"] and beside.leaders() == ("a", "a", "a")
+    assert [p for p in beside.profiles if p.method == "a"] == list(alone.profiles)
+
+
 def test_other_programs_do_not_change_what_is_best():
     ours, theirs = points("a", 2, 1.0), points("prog/b", 2, 0.25)
     alone, beside = field_chart([measured(ours)]), field_chart([measured(ours, theirs), measured(ours)])
@@ -184,9 +192,14 @@ def test_errors_are_those_of_runs_beside_fine_steps():
 def test_many_from_python():
     """One building under two motions: columns, a line, ratios from 1."""
     records = [noise(samples=97), noise(samples=97, seed=8)]
-    chart = chart_many(ten_linear(), records, method=("newmark-average", "impulse4", "exact"))
+    methods = ("newmark-average", "impulse4", "exact")
+    chart = chart_many(ten_linear(), records, method=methods, tolerances=(0.01, 0.1))
     assert repr(chart) == "<FieldChart of 3 methods, 2 problems>"
     table = to_dict(chart)
-    assert len(table["method"]) == len(PEAKS) * len(TOLERANCES) * 3
+    assert len(table["method"]) == len(PEAKS) * len(TOLERANCES) * 4
+    assert chart.lines[3:] == ["impulse4 by tolerance"]
+    chosen = [point for point in chart.measured[0].points if point.line == chart.lines[3]]
+    assert [point.method for point in chosen] == ["impulse4 within 0.1", "impulse4 within 0.01"]
+    assert all(0.0 < point.error("peak_drift") <= e for point, e in zip(chosen, (0.1, 0.01), strict=True))
     assert all(1 <= solved <= 2 for solved, e in zip(table["solved"], table["tolerance"], strict=True) if e == 0.1)
     assert min(ratio for one in chart.profiles for ratio in one.ratios) == 1.0

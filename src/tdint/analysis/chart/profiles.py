@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -23,18 +24,21 @@ from tdint.analysis.chart.problem import (
     pose,
 )
 from tdint.analysis.chart.work_precision import (
+    BY_TOLERANCE,
+    CHOOSING,
     Peer,
     PerformanceProfile,
     Point,
     Progress,
     Timing,
+    by_tolerance,
     performance_ratios,
     silent,
     suited,
     within,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
-from tdint.analysis.run.outcome import FailedRun, StoryPeaks
+from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
@@ -76,7 +80,7 @@ _FINER = (32, 128)  # and the second method: the latter where the former does no
 _SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
 _FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
-_SHARE = 0.2  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
+_SHARE = 0.3  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
 _REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
@@ -170,6 +174,11 @@ COARSE = 0.03  # relative error: between 10 and 1 %, where coarse steps are chos
 PEER = "/"  # in the name of a line that is another program's: program/method
 
 
+def of_steps(line: str) -> bool:
+    """Whether a line is that of a method of ours with steps that are given."""
+    return PEER not in line and not line.endswith(BY_TOLERANCE)
+
+
 @dataclass(frozen=True, repr=False)
 class FieldChart(Tabular):
     """Many problems, and the performance profiles of the methods over them.
@@ -190,17 +199,17 @@ class FieldChart(Tabular):
 
     @property
     def lines(self) -> list[str]:
-        """The methods, other programs behind ours."""
+        """The methods, behind them what chooses its steps, then other programs."""
         lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
-        return sorted(lines, key=lambda line: PEER in line)
+        return sorted(lines, key=lambda line: (PEER in line, not of_steps(line)))
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
         """By quantity, by tolerance, by method: over all problems whose references are known well enough; one that a
-        method does not take is one that it does not solve. Another program's costs are over the least of ours, which
-        it does not change."""
+        method does not take is one that it does not solve. The costs of what chooses its steps, and of another program,
+        are over the least of ours, which they do not change."""
         profiles = []
-        our_lines = [line for line in self.lines if PEER not in line]
+        our_lines = [line for line in self.lines if of_steps(line)]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
             sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
             if not sure:
@@ -214,7 +223,7 @@ class FieldChart(Tabular):
                 if line in our_lines:
                     ratios = our_ratios[:, our_lines.index(line)]
                 else:
-                    # Where none of our methods solves the problem and this program does, the ratio is 0.
+                    # Where none of our methods solves the problem and this line does, the ratio is 0.
                     ratios = np.array([costs.get(line, math.nan) for costs in judged]) / least
                     ratios[np.isnan(ratios)] = math.inf
                 profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
@@ -232,7 +241,7 @@ class FieldChart(Tabular):
     def leaders(self) -> Leaders:
         """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
         3 % and more; and what fails least, with the least worst ratio. What a method does not take it fails."""
-        profiles = [profile for profile in self.profiles if PEER not in profile.method]
+        profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
@@ -253,7 +262,7 @@ class FieldChart(Tabular):
         )
 
     def _headline(self) -> str:
-        return f"of {how_many(len(self.lines), 'method')}, {how_many(len(self.measured), 'problem')}"
+        return f"of {how_many(sum(map(of_steps, self.lines)), 'method')}, {how_many(len(self.measured), 'problem')}"
 
 
 # ---- One problem
@@ -264,6 +273,7 @@ def measure_problem(
     integrators: Sequence[Integrator],
     *,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> Measured:
@@ -274,6 +284,8 @@ def measure_problem(
     ----------
     repeats : int
         How often these are timed.
+    tolerances : sequence of float
+        Of peak drifts: lines of moment4 and impulse4, of those asked for, that choose their steps for them.
     peers : bool
         OpenSeesPy, too, where it is installed and can do the building.
 
@@ -296,7 +308,7 @@ def measure_problem(
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
         other = posed.case(parse("moment4")).march(posed.steps(posed.interval / parts))
-        apart = PeakErrors.between(other.stories, true.stories)
+        apart = _off(true.stories, other)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
@@ -315,6 +327,11 @@ def measure_problem(
                 again = posed.case(pair[0]).march(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.march_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
+    # What chooses its steps: all that `tdint run --tolerance` takes
+    choosing: list[Point] = []
+    for integrator in able:
+        if integrator.label in CHOOSING:
+            choosing += by_tolerance(posed, integrator, tolerances, partial(_off, true.stories), repeats)
     others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
@@ -327,10 +344,15 @@ def measure_problem(
         changes=int(true.events),
         confirmed_by=confirmed_by,
         gap=gap,
-        points=(*points.values(), *others),
+        points=(*points.values(), *choosing, *others),
         peer_gap=agreed,
         peer_note=said,
     )
+
+
+def _off(true: StoryPeaks, response: Response) -> PeakErrors:
+    """The errors of the peaks of a run."""
+    return PeakErrors.between(response.stories, true)
 
 
 def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks) -> list[Point]:
@@ -346,7 +368,7 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
             continue
         point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
         if response.status == DONE:
-            point = replace(point, errors=PeakErrors.between(response.stories, true))
+            point = replace(point, errors=_off(true, response))
         points.append(point)
         # Two in a row, for the error of one step may be small by chance.
         last = [point.errors for point in points[-2:] if point.errors]
@@ -402,6 +424,7 @@ def chart_many(
     problems: str | Path | None = None,
     method: str | Iterable[str] = METHODS,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
@@ -418,6 +441,8 @@ def chart_many(
         Specifications; those for linear buildings are given these only.
     repeats : int
         How often a step is timed that may be the cheapest for a tolerance.
+    tolerances : sequence of float
+        As of `measure_problem`.
     peers : bool
         OpenSeesPy, too, on the problems whose laws it has.
     progress : callable
@@ -443,7 +468,7 @@ def chart_many(
         given = crossed(models, records)
     else:
         raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
-    return measure_all(given, chosen(method), repeats=repeats, peers=peers, progress=progress)
+    return measure_all(given, chosen(method), repeats=repeats, tolerances=tolerances, peers=peers, progress=progress)
 
 
 def measure_all(
@@ -451,6 +476,7 @@ def measure_all(
     integrators: Sequence[Integrator],
     *,
     repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
@@ -461,7 +487,9 @@ def measure_all(
         def tell(act: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
             progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
-        measured.append(measure_problem(problem, integrators, repeats=repeats, peers=peers, progress=tell))
+        measured.append(
+            measure_problem(problem, integrators, repeats=repeats, tolerances=tolerances, peers=peers, progress=tell)
+        )
     return field_chart(measured)
 
 

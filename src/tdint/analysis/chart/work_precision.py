@@ -24,7 +24,7 @@ from tdint.analysis.chart.problem import (
     reached,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
-from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
 from tdint.errors import UsageError
@@ -60,6 +60,9 @@ HALVINGS = 7
 
 CHOOSING = ("moment4", "impulse4")
 """Methods whose lines `with_tolerances` adds: the first chooses its steps on the way, the other by whole runs."""
+
+BY_TOLERANCE = " by tolerance"
+"""Behind the method in the name of such a line."""
 
 _BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
 _WITH_BETWEEN = 1.7  # times the steps without these
@@ -335,32 +338,46 @@ def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float],
     repeats : int
         How often each run is timed.
     """
-    falling = sorted(set(tolerances), reverse=True)
+
+    def judge(response: Response) -> RelativeErrors:
+        return errors_of_peaks(response.stories.peak_drift, chart.reference.motion)
+
     points = [
-        _within(problem, chart.reference, integrator, tolerance, repeats)
+        point
         for integrator in map(parse, CHOOSING)
-        for tolerance in falling
+        for point in by_tolerance(problem, integrator, tolerances, judge, repeats)
     ]
     return replace(chart, points=(*chart.points, *points))
 
 
-def _within(problem: Problem, reference: Reference, integrator: Integrator, tolerance: float, repeats: int) -> Point:
-    """One method with one tolerance; the first run compiles and is not timed."""
-    line = f"{integrator.label} by tolerance"
-    point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
-    try:
-        response = problem.within(integrator, tolerance)
-    except FailedRun as failure:
-        return replace(point, outcome=failure.status)
-    # Processor time and wall time of each repetition: their ratio tells whether other work disturbed it.
-    times, walls = [], []
-    for _ in range(repeats):
-        begin, wall = system.seconds(), time.perf_counter()
-        problem.within(integrator, tolerance)
-        times.append(system.seconds() - begin)
-        walls.append(time.perf_counter() - wall)
-    off = errors_of_peaks(response.stories.peak_drift, reference.motion)
-    return replace(point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls))
+def by_tolerance(
+    problem: Problem,
+    integrator: Integrator,
+    tolerances: Iterable[float],
+    judge: Callable[[Response], RelativeErrors],
+    repeats: int,
+) -> list[Point]:
+    """The line of a method that chooses its steps, a point for each tolerance, the largest first. What compiles is not
+    timed."""
+    points = []
+    for tolerance in sorted(set(tolerances), reverse=True):
+        line = f"{integrator.label}{BY_TOLERANCE}"
+        point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
+        try:
+            response = problem.within(integrator, tolerance)
+        except FailedRun as failure:
+            points.append(replace(point, outcome=failure.status))
+            continue
+        # Processor time and wall time of each repetition: their ratio tells whether other work disturbed it.
+        times, walls = [], []
+        for _ in range(repeats):
+            begin, wall = system.seconds(), time.perf_counter()
+            problem.within(integrator, tolerance)
+            times.append(system.seconds() - begin)
+            walls.append(time.perf_counter() - wall)
+        off = judge(response)
+        points.append(replace(point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls)))
+    return points
 
 
 def chart(

@@ -161,6 +161,8 @@ def objects_of(
     ValueError
         The kernel calls something that is neither in the object nor of the C library: it allocates, or raises.
     """
+    if not numba.core.config.OPT:
+        raise ValueError("NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT")
     compiled = specialized(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     (arguments,) = compiled.overloads

@@ -79,7 +79,12 @@ SAMPLES = (
 
 GROUND = (
     *SAMPLES,
-    Column("velocity_m_s", "m/s", "velocity", "its integral from rest at the first sample"),
+    Column(
+        "velocity_m_s",
+        "m/s",
+        "velocity",
+        "its integral from rest at the first sample; its peak (pgv) may lie between samples",
+    ),
     Column("displacement_m", "m", "displacement", "the integral of that"),
 )
 """Of the ground's motion, as it is exported."""
