@@ -423,15 +423,14 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
         if len({run["record"] for run in mine}) == 1:
             assert row["loss_error"] == ""
             continue
-        # Sums under each of both motions, about what they would be of the same loss ratio.
+        # Without one of both motions the other one alone tells the loss ratio.
         under = {record: [0.0, 0.0] for record in {run["record"] for run in mine}}
         for run in mine:
             share = value[run["building"]] / len(each[run["building"]])
             under[run["record"]][0] += share
             under[run["record"]][1] += share * float(run["loss_ratio"])
-        ratio = expected / float(row["value"])
-        error = math.sqrt(2.0 * sum((lost - ratio * worth) ** 2 for worth, lost in under.values()))
-        assert float(row["loss_error"]) == pytest.approx(error, rel=1e-7)
+        one, other = (lost / worth for worth, lost in under.values())
+        assert float(row["loss_error"]) == pytest.approx(0.5 * float(row["value"]) * abs(one - other), rel=1e-7)
     assert groups == 3 + 8 + 6 and len(found) == groups + 8  # events; types, districts, buildings in events
     again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county", code=2)
     assert "--by county: the inventory has no such column; it has" in again.stderr

@@ -343,14 +343,16 @@ class _Group:
 
 
 def _mean(sums: Array) -> Mean:
-    """The mean over all runs of rows of sums under each motion, the first of which counts the runs; its error that of a
-    ratio of two sums over motions."""
+    """The mean over all runs of rows of sums under each motion, the first of which counts the runs; its error that of
+    leaving out the motions one by one (jackknife)."""
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
     if motions < 2:
         return Mean(value, np.full(value.size, math.nan))
-    spread = np.sum((sums[:, 1:] - counts * value) ** 2, axis=0)
-    return Mean(value, np.sqrt(spread * motions / (motions - 1)) / counts.sum())
+    # By how much the mean changes without each; nan where only one motion counts.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = (counts * value - sums[:, 1:]) / (counts.sum() - counts)
+        return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
 
 
 def group_damages(store: Store, *, by_building: bool = False, by: str | None = None) -> Iterator[TypeDamage]:
