@@ -231,9 +231,10 @@ def dearest(chart: FieldChart, line: str = "impulse4") -> str:
         f"Where an error of some percent will do, `{line}` costs most over the least on these problems. It takes "
         "forces at two times of a step and solves for displacements and velocities together: here a solve takes "
         f"{min(costs):.1f} to {max(costs):.1f} times as long as one of the cheapest method. Within a step it goes from "
-        "one turn or kink of a story's force to the next, as smooth hysteresis (bouc-wen, fluid-dampers) has them in "
-        f"each story: a step has {min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors "
-        "small and is wasted on large ones: "
+        "one turn or kink of a story's force to the next, but for those that matter less than what the step errs by; "
+        "smooth hysteresis (bouc-wen, fluid-dampers) turns in each story: a step has "
+        f"{min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors small and is wasted on "
+        "large ones: "
         f"{PARTS[0]:g} samples, the longest step here, may err by far less than is asked.\n\n"
         f"{table(heads, rows)}"
     )
@@ -436,6 +437,7 @@ $ tdint chart --problems mine.yaml -o mine.csv --plot
 $ tdint chart office.yaml tower.yaml --record a.mseed --record b.mseed
 ```
 
+The line of one plug-in is thick and in front; `--highlight NAME` takes another one.
 A problem or a method more on this page is an entry there, or a name in `METHODS` of
 [profiles.py](../../src/tdint/analysis/chart/profiles.py); then the command above.
 """

@@ -285,6 +285,9 @@ def _chart_many(request: Request) -> None:
             notes.append(
                 f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
             )
+        if case.peer_note:
+            apart = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
+            notes.append(f"{case.name}, {case.motion}: openseespy:{apart} {case.peer_note}")
     table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
