@@ -79,6 +79,7 @@ def studies() -> None:
     tdint.scale([record, (record, "b.mseed")], "pga", 1.0, periods=[0.1, 1.0])
     tdint.select([record, "b.mseed"], "asce7:sds=1,sd1=0.6,tl=8", 1, scatter=0.3).factors.max()
     tdint.match("b.mseed", "asce7:sds=1,sd1=0.6,tl=8", periods=(0.1, 1.0)).record
+    tdint.match_suite([record, "b.mseed"], "asce7:sds=1,sd1=0.6,tl=8", periods=(0.1, 1.0))[0].record
     tdint.ida(content, [record, "b.mseed", (record, record)], jobs=2).plot()
     tdint.sensitivity(content, [record], {"damping": (0.02, 0.05)})
     tdint.fragility(Path("a.csv"), [0.01, 0.02]).plot()

@@ -11,13 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tdint.arrays import Array
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST, how_many
+
+if TYPE_CHECKING:
+    from tdint.arrays import Array
 
 _END = "end"  # a last row of our own
 _OF_A_TABLE = re.compile(r"'[=+@-]")
@@ -149,6 +150,8 @@ def number(text: str) -> float:
 
 def numbers_in(texts: Sequence[str]) -> Array:
     """The same of many cells."""
+    import numpy as np  # a model file is read without
+
     together, values = "".join(texts), np.empty(0)
     # Words are rare: of numbers alone many are read at once.
     with suppress(ValueError):
