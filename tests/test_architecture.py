@@ -204,7 +204,7 @@ BUDGET = {
     "model": (21, 3750),
     "ground_motion": (34, 4250),
     "kernels": (55, 7000),
-    "ground": (12, 1650),
+    "ground": (13, 1750),
 }
 """Of each layer so many files and lines of code at most: what a reader can hold. Today's, lines rounded up to 50."""
 

@@ -14,12 +14,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, TdintError
 from tdint.files import READ, STDIN
 from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through

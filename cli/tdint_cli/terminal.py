@@ -14,11 +14,11 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
 
+from tdint.data import dataclass
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
 from tdint.system import do_not_wait
 

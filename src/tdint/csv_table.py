@@ -8,11 +8,12 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST, how_many

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from tdint.data import dataclass
 
 _LONGEST, _HEAD, _TAIL = 1000, 700, 250
 """Characters of a line of a message, and what is kept of the beginning and the end of a longer one."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from typing import Any, get_args, get_type_hints
 
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 
 STANDARD_GRAVITY = 9.80665

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -21,6 +21,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array as Array
 from tdint.campaign.fragility.fits import fit_stripes
+from tdint.data import dataclass
 from tdint.ground_motion.reading.read import make_record
 from tdint.model.config.model_file import load_model
 from tdint.tabular import Several

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tdint.data import dataclass
 from tdint.errors import TdintError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import digest_of, note_input
 from tdint.output import figures

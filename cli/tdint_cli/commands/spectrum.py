@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from tdint.analysis.defaults import PERIODS
+from tdint.data import dataclass
 from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.output import figures

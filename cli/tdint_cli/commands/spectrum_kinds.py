@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
 from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
 from tdint.output import figures, tables

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Name, Ratio

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
@@ -15,6 +15,7 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import STDIN, keep_input
 from tdint.units import (

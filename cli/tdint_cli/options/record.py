@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
+from tdint.data import dataclass
 from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
@@ -24,7 +25,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 option = partial(grammar.option, heading=grammar.RECORD)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RecordRequest:
     """How the records of a command line are read, and what is done to them."""
 
@@ -54,7 +55,7 @@ class RecordRequest:
         return read_chosen(file, self.choice)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RecordsRequest(RecordRequest):
     """What the command lines have in common that take records as their arguments."""
 

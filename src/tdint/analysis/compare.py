@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, UsageError, did_you_mean
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal

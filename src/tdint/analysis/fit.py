@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from tdint.analysis import compare
 from tdint.analysis.compare import Event
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.definition import LAWS, Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.recorded import AUTO

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -26,6 +26,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
 from tdint.ground_motion.reading.suites import GroundMotion, components

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tdint.analysis.given import AnyModel, drift_of, model_of
 from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table

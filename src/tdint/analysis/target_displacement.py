@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.analysis.static import Pushover, pushover
 from tdint.arrays import Array, halved
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
 from tdint.tabular import Several, Tabular

@@ -7,7 +7,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain, islice, repeat, zip_longest
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -23,6 +23,7 @@ from tdint.analysis.run.step_choice import step_within
 from tdint.analysis.run.together import Subject, run_together
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
+from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
 

@@ -9,7 +9,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from tdint.campaign.store_schema import (
     refuse_network,
     transaction,
 )
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import obtain

@@ -9,13 +9,13 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from ipaddress import ip_address
 from queue import Empty, Queue
 from typing import Any
 from urllib.parse import urlsplit
 
 from tdint.campaign.batch import Chunk, Done, do
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin

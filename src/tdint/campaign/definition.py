@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from tdint.campaign.ida_curve import (
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, SpectralIntensity, factor_to, sa
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
+from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import SuiteMotion, components

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.analysis.run.together import Subject
 from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import Batch, Run, RunRow
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE, FALLEN

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
@@ -38,6 +38,7 @@ from tdint.campaign.motions import (
 )
 from tdint.campaign.sites import read_field, read_grid
 from tdint.csv_table import no_number, number, read_table
+from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, note_input, read_at_most
 from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_suite, suite_motions

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
+from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.model.inventory import InventoryRows

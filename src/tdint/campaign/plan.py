@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -32,6 +32,7 @@ from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSwee
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
+from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion

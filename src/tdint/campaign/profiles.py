@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from tdint.campaign.batch import Run
 from tdint.campaign.intensity import SPECTRAL, measure_at
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import Store
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles, motion_name
 from tdint.model.damage_states import DONE, FALLEN

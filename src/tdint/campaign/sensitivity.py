@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store import Store, open_store
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions

@@ -7,7 +7,7 @@ import math
 import re
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from operator import itemgetter
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_name

@@ -7,7 +7,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,6 +18,7 @@ from tdint.campaign.buildings import Buildings, RowBuildings, digests_of, model_
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import SILENT, UntrustedStoreError, connect, connect_to_read, in_words, transaction
+from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file, keep_input, refuse_kept
 from tdint.ground_motion.measures import measure

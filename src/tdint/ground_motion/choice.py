@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from numbers import Integral, Real
 from typing import Any
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 
 SAME_STEP = 1e-3

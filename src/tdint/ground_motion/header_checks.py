@@ -6,11 +6,11 @@ import math
 import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tdint.data import dataclass
 from tdint.ground_motion import miniseed_checks
 from tdint.ground_motion.miniseed_checks import (
     CHECKSUM,

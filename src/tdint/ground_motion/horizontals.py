@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from math import isclose
 from pathlib import Path
 from typing import TypeVar
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.record import Record

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from tdint.arrays import Array, halved
+from tdint.data import dataclass
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few

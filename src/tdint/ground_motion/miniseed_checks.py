@@ -16,7 +16,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import CORNERS, Processing
 from tdint.ground_motion.record import Record

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.units import ACCELERATION, parse_acceleration
 from tdint.written_numbers import parse_named, parse_positive

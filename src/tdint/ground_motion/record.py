@@ -7,12 +7,13 @@ import io
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import OutputError, RecordError, UsageError
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.ground_motion.choice import CORNERS
 from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input

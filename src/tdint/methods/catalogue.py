@@ -9,13 +9,13 @@ import copyreg
 import os
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant

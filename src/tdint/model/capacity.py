@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array
 from tdint.csv_table import read_table
+from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
 from tdint.model.modes import solve_modes

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Self
 
+from tdint.data import dataclass
 from tdint.errors import UsageError
 
 STATES = ("slight", "moderate", "extensive", "complete")

@@ -10,10 +10,11 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, field, replace
 from functools import cache
 from typing import Any, NamedTuple
 
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import ModelError
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many

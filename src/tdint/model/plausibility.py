@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.ground_motion.record import doubt_of_peak
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model

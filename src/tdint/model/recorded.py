@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tdint.data import dataclass
 from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import (

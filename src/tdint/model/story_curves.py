@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
+from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
 from tdint.written_numbers import how_many

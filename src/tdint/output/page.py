@@ -7,10 +7,11 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from tdint.data import dataclass
 from tdint.output import figures
 from tdint.output.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -31,6 +30,7 @@ from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.scaling import Scaling
 from tdint.campaign.sensitivity import Swing
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.ground_motion.record import Record

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.units import LENGTH
 

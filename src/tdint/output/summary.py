@@ -8,7 +8,7 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.defaults import PEAKS, QUANTITIES
+from tdint.data import dataclass
 from tdint.files import READ
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +14,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import LINEAR_OSCILLATORS, kernels
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.obtaining import obtain

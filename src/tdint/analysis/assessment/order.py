@@ -7,7 +7,6 @@ import sys
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -20,6 +19,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.walking import walker

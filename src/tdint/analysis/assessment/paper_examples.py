@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +15,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array, halved
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator

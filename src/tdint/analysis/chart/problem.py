@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file
 from tdint.ground_motion.record import Record

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -40,6 +40,7 @@ from tdint.analysis.chart.work_precision import (
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse

@@ -6,7 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import takewhile
 
 import numpy as np
@@ -27,6 +27,7 @@ from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, rati
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial, reduce
 from operator import add, sub
 from typing import Any
@@ -32,6 +32,7 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record

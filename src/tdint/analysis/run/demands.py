@@ -4,7 +4,6 @@ the values of many runs, of which columns are made."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.units import Quantity, quantities
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.tabular import Tabular

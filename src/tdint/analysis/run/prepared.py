@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +29,7 @@ from tdint.analysis.run.workspace import (
     workspace,
 )
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at

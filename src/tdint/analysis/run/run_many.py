@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import partial
 from importlib import import_module
 from itertools import groupby
@@ -25,6 +25,7 @@ from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.together import Subject, run_drawn, run_together
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tdint.analysis.given import number_of
 from tdint.analysis.run import case as run_totals
@@ -17,6 +17,7 @@ from tdint.analysis.run.error_estimate import reference, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps, finer
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, one_after_another, samples_of
 

@@ -9,7 +9,7 @@ taken itself, and one of `impulse4` with half of the step tells its errors (`tdi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import attempt, reference, story_errors, told
 from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Response, StepChoice
 from tdint.analysis.run.workspace import Steps, finer
+from tdint.data import dataclass
 from tdint.errors import UsageError
 
 _COARSEST = 2

@@ -9,7 +9,7 @@ step.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache, partial
 
 import numpy as np
@@ -21,6 +21,7 @@ from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, Sto
 from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
+from tdint.data import dataclass
 from tdint.ground_motion.record import Record
 from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
 from tdint.methods.catalogue import parse

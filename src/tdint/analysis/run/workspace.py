@@ -7,13 +7,14 @@ import os
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property, halved
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -19,6 +18,7 @@ from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, recursion_table
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
@@ -92,7 +92,7 @@ def drift_spectrum(
     *,
     stories: int | None = None,
     story_height: float = STORY_HEIGHT,
-    height_period: HeightPeriod = HeightPeriod(),
+    height_period: HeightPeriod = HeightPeriod(),  # noqa: B008  frozen
     beam: bool = False,
 ) -> DriftSpectrum:
     """Drift spectrum of a record.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from tdint.analysis.defaults import STEPS_PER_PERIOD
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Spectrum, spectrum
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular

@@ -9,13 +9,14 @@ no mass is missing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import assemble

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
 from tdint.csv_table import read_table
+from tdint.data import dataclass
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table

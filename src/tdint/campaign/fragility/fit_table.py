@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
@@ -48,6 +48,7 @@ from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exce
 from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import Store, check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
@@ -79,8 +80,7 @@ class FragilityRequest:
     beta_model : float
         Standard deviation of what is not known of the model.
     measure : str or None
-        Of runs: their intensity, as `tdint.campaign.fragility.measures.run_measure` reads it, or the name of its
-        column without the unit; Sa at the first period by default.
+        Of runs: their intensity as `measures.run_measure` reads it, or its column without the unit; Sa(T1) by default.
     states : tuple of str
         Names of the states of thresholds, in the order that these rise; ds1, ds2, ... by default.
     """

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from scipy.special import log_ndtr, ndtr
 
 from tdint.analysis.given import between
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 from tdint.written_numbers import LARGEST, first_few, how_many

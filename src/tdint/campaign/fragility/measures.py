@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from tdint.campaign.plan import Plan
 from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
+from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_name
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION

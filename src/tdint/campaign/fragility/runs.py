@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
@@ -28,6 +27,7 @@ from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import level_ranks, motion_numbers
 from tdint.campaign.store import Store
 from tdint.csv_table import number as cell_number
+from tdint.data import dataclass
 from tdint.model.damage_states import COST, DONE, FALLEN, NUMBER, DamageStates
 from tdint.model.definition import Model
 

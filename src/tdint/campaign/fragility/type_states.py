@@ -7,13 +7,14 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding, RowBuildings, different
 from tdint.csv_table import CsvTable, no_number, number, read_table
+from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
 from tdint.model.config import sections

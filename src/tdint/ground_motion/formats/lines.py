@@ -6,13 +6,13 @@ import os
 import re
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 

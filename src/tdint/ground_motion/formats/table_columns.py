@@ -8,9 +8,10 @@ tabs divide the names, units stand in brackets or after an underscore.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 
+from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER
 from tdint.written_numbers import how_many

@@ -15,12 +15,12 @@ import re
 import struct
 import zipfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, note_input, read_at_most
 from tdint.ground_motion.choice import AS_STATED, TextLayout

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
 from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +13,7 @@ from xml.parsers import expat
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.reading.contents import digested, read_bytes

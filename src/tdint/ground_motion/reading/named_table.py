@@ -5,13 +5,13 @@ A motion is one column of them: times in the first column, names with units in t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.formats.lines import equal_steps
 from tdint.ground_motion.formats.table_columns import name_and_units

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from logging import getLogger
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.messages import quiet_import

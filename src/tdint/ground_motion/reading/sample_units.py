@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from tdint.csv_table import read_table
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.files import STDIN
 from tdint.units import Units, parse_units

@@ -13,13 +13,14 @@ it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isclose
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
+from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_folder, keep_input
 from tdint.ground_motion.choice import RecordChoice, TextLayout

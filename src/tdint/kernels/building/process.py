@@ -12,12 +12,12 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock
 from typing import IO, Any
 
+from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.kernels.building.compilable import Compilable, Variant
 from tdint.kernels.building.sources import OUTSIDE, closure, size

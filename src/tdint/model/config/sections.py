@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tdint import units
+from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
 from tdint.model.damage_states import DEMANDS, DamageStates

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from tdint.data import dataclass
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import LAWS, MAX_STORIES, Law, PowerDashpot, Story, four_points, laws

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import yaml
 
+from tdint.data import dataclass
 from tdint.errors import ModelError
 from tdint.files import is_named_pipe, note_input
 from tdint.model.keys.fields import Value

@@ -11,11 +11,12 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import lt
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from tdint.data import dataclass
 from tdint.errors import ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode

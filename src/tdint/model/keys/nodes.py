@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault
 
 MAX_DEPTH = 32

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.data import dataclass
 from tdint.output.figures.collapse import GRAY
 from tdint.output.figures.style import (
     COLORS,

@@ -12,13 +12,13 @@ import shutil
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.files import digest_of
 

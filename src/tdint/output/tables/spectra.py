@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdint.analysis.spectra.elastic import Spectrum
+from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
     HOUSNER_PERIODS,

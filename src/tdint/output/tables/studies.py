@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from tdint.campaign.fragility.measures import MeasureFit
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import Capacity, IdaCurve
 from tdint.campaign.scaling import Scaling
+from tdint.data import dataclass
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (

@@ -13,7 +13,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import repeat, zip_longest
 from operator import attrgetter
 from pathlib import Path
@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from tdint.data import dataclass
 from tdint.errors import OutputError
 from tdint.tabular import optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
