@@ -10,7 +10,6 @@ import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -251,6 +250,8 @@ def versions() -> dict[str, Any]:
 
 @cache
 def _version(package: str) -> str | None:
+    from importlib.metadata import PackageNotFoundError, version  # 14 ms, and asked for where a JSON file is written
+
     try:
         return version(package)
     except PackageNotFoundError:  # Imported from a folder, not installed.
