@@ -57,6 +57,7 @@ def test_fields_signature_and_text_are_those_of_dataclasses(ours, theirs):
     assert ours.__match_args__ == theirs.__match_args__
     assert repr(ours(1)) == repr(theirs(1)) and dataclasses.asdict(ours(1)) == dataclasses.asdict(theirs(1))
     assert ours.__init__.__qualname__ == theirs.__init__.__qualname__
+    assert ours.__init__.__module__ == ours.__module__
 
 
 def test_equal_ones_are_equal_and_others_not():

@@ -50,6 +50,7 @@ class _Made:
         if method is self:  # and no other thread has made it meanwhile
             make = {"__init__": _init, "__eq__": _eq, "__hash__": _hash}[self._name]
             method = make(self._owner, self._frozen)
+            method.__module__ = self._owner.__module__
             method.__qualname__ = f"{self._owner.__qualname__}.{self._name}"
             setattr(self._owner, self._name, method)
         return method.__get__(instance, owner)

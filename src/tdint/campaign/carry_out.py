@@ -197,7 +197,7 @@ class CampaignRuns(Tabular):
 
     @property
     def store(self) -> Store:
-        """A store of the same content, in memory."""
+        """A store of the same content, in memory, for a `with` that closes it."""
         connection = sqlite3.connect(":memory:")
         # There is no log ahead of it in memory: bytes 18 and 19 of SQLite's format tell that.
         connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])

@@ -210,12 +210,17 @@ def _in_rows(results: Sequence[Any]) -> _Values:
     return _IN_ROWS[type(results[0])](results).by_column()
 
 
+def _runs(result: CampaignRuns) -> _Values:
+    with result.store as store:
+        return campaign.runs_table(store).by_column()
+
+
 for _kind in (Fragility, Overview, RecordInfo):
     _values.register(_kind, lambda result: _in_rows([result]))
 # Several results of a kind without a table for rows are joined before they come here.
 for _several in (Several, list, tuple):
     _values.register(_several, lambda result: _in_rows(list(result)))
-_values.register(CampaignRuns, lambda result: campaign.runs_table(result.store).by_column())
+_values.register(CampaignRuns, _runs)
 _values.register(Chart, lambda result: methods.chart_table(result).by_column())
 _values.register(Comparison, lambda result: buildings.comparison_table([result]).by_column())
 _values.register(FieldChart, lambda result: methods.profile_table(result).by_column())
