@@ -69,6 +69,7 @@ class _Rows(NamedTuple):
     PAIR: int = 2  # r1 + l r2, which becomes w: real and imaginary part
     SAVED: int = 3 + at.SPRING_ROWS  # state and springs at the start of a step that is done in pieces
     PIECE: int = 3  # motion at the start of a piece
+    WORST: int = 1  # the most that a step of the run has missed so far
     TURNS: int = 1  # drifts where stories turned in it
     PEAKS: int = 2 * at.PEAK_ROWS  # within such pieces
 
@@ -377,9 +378,10 @@ def join(scene, h, memory):
     """Keep in the row KINK the stories that go over their turn within the motion that has been found; of the others
     the turn is to be located.
 
-    A kink may be no stronger than what the step errs by anyhow. With one frequency omega its accelerations miss the
-    mean by (omega h)^2 / 12 of them, and its mean force errs by about the square of that, of order 4. What a kink bends
-    is of order 2, so that small steps locate all of them. Dashpots are left out: their forces jump where a story turns.
+    A kink may be no stronger than what the worst step of the run so far errs by anyhow. With one frequency omega a
+    step's accelerations miss the mean by (omega h)^2 / 12 of them, and its mean force errs by about the square of that,
+    of order 4. What a kink bends is of order 2, so that small steps locate all of them. Dashpots are left out: their
+    forces jump where a story turns.
     """
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
@@ -391,6 +393,8 @@ def join(scene, h, memory):
         miss = 0.5 * (a0 + a1) - work[momentum.DV, i] / h + linear_terms[at.INVERSE_MASS, i] * dashpots
         missed += linear_terms[at.MASS, i] * miss * miss
         size += 0.5 * linear_terms[at.MASS, i] * (a0 * a0 + a1 * a1)
+    missed = max(missed, work[ROW.WORST, 0])
+    work[ROW.WORST, 0] = missed
     for i in range(n):
         near = abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) >= _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
         tells = linear_terms[at.POWER_DAMPER, i] == 0.0 or not near
