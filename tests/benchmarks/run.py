@@ -15,6 +15,7 @@ import io
 import math
 import pickle
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -185,7 +186,7 @@ def tables_of_profiles(chart: FieldChart) -> str:
 
 
 def dearest(chart: FieldChart, line: str = "impulse4") -> str:
-    """Where a method costs most over the least: of each error of some percent the three dearest problems, and what it
+    """Where a method costs most over the least: of each error of some percent the two dearest problems, and what it
     and the cheapest method do there."""
     rows, costs, counts = [], [], []
 
@@ -210,7 +211,7 @@ def dearest(chart: FieldChart, line: str = "impulse4") -> str:
             if line in best and one.judges(quantity, tolerance):
                 least = min(best.values(), key=lambda point: point.fastest)
                 found.append((best[line].fastest / least.fastest, one, best[line], least))
-        for ratio, one, ours, least in sorted(found, key=lambda entry: -entry[0])[:3]:
+        for ratio, one, ours, least in sorted(found, key=lambda entry: -entry[0])[:2]:
             rows.append(
                 [
                     f"{WORDS[quantity]}, {percent(tolerance)}",
@@ -235,7 +236,7 @@ def dearest(chart: FieldChart, line: str = "impulse4") -> str:
         "smooth hysteresis (bouc-wen, fluid-dampers) turns in each story: a step has "
         f"{min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors small and is wasted on "
         "large ones: "
-        f"{PARTS[0]:g} samples, the longest step here, may err by far less than is asked.\n\n"
+        f"{PARTS[0]:g} samples, the longest step here, may err far less.\n\n"
         f"{table(heads, rows)}"
     )
 
@@ -332,18 +333,24 @@ def peers_said(chart: FieldChart) -> str:
     if chart.peers:
         named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
         given = [one for one in chart.measured if any(profiles.PEER in point.line for point in one.points)]
-        gaps = table(
-            ["building", "motion", "OpenSees from the reference", "said"],
-            [[one.name, one.motion, f"{one.peer_gap:.1e}", one.peer_note or "-"] for one in chart.measured],
-        ).replace("|nan|", "|-|")
+        motions = list(dict.fromkeys(one.motion for one in chart.measured))
+        gap = {(one.name, one.motion): one.peer_gap for one in chart.measured}
+        left_out = {one.name: one.peer_note.removeprefix("left out: ") for one in chart.measured if one not in given}
+        rows = [
+            [name, *(f"{gap.get((name, motion), math.nan):.1e}" for motion in motions), left_out.get(name, "-")]
+            for name in dict.fromkeys(one.name for one in chart.measured)
+        ]
+        gaps = table(["from the reference", *motions, "why left out"], rows).replace("|nan", "|-")
+        late = sum(int(count) for one in given for count in re.findall(r"(\d+) of \d+ runs", one.peer_note))
         return (
             f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it has, shown by its "
             "average acceleration, extrapolated to dt 0: its histories of drift and absolute acceleration (L2) are "
             f"those of the reference but for a fifth of the smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. "
             "Medians are of these problems alone. Its costs "
-            "are over the least of ours, which they do not change; it is timed once, and begins no run after "
+            "are over the least of ours; it is timed once, and begins no run after "
             f"{profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a problem, largest steps "
-            f"first. Its BoucWen errs with order 1. {named}. {peers_module.ITERATED}.\n\n{gaps}"
+            f"first, for which {late} with small steps are missing. Its BoucWen errs with order 1. {named}. "
+            f"{peers_module.ITERATED}.\n\n{gaps}"
         )
     try:
         version("openseespy")
