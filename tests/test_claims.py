@@ -31,9 +31,10 @@ class Below(float):
 
 
 def rows():
-    """Of each row of the table: where in the paper, the words on what was measured."""
-    lines = [line.strip("| \n").split(" | ") for line in readmes.digest("claims").splitlines() if line.startswith("| ")]
-    return {cells[0]: cells[2] for cells in lines[1:]}  # the line of dashes has no blank behind its first bar
+    """Of each row of the table: where in the paper, the words on what was measured, and the verdict."""
+    table = [line.strip("| ") for line in readmes.digest("claims").splitlines() if line.startswith("| ")]
+    lines = [re.split(r" *\| *", line) for line in table[1:]]  # the line of dashes has no blank behind its first bar
+    return {cells[0]: (cells[2], cells[4]) for cells in lines}
 
 
 # ---- What is measured
@@ -292,6 +293,66 @@ MEASURED = {
 """By the first cell of a row, what its numbers are, in their order."""
 
 
+ROUNDING = 1e-12
+
+
+def below(*values):
+    return [value < ROUNDING for value in values]
+
+
+HOLDS = {
+    "Abstract, section 3.3": lambda *orders: [abs(order - 4.0) < 0.05 for order in orders],
+    "Section 3, beta": lambda *limits: [math.isfinite(limit) for limit in limits],
+    "Section 3, limits": lambda *limits: [
+        abs(limit - said) < 0.01 for limit, said in zip(limits, (0.31, 0.55), strict=True)
+    ],
+    "Section 3, Wilson": lambda *cusps: [abs(cusp - said) < 0.05 for cusp, said in zip(cusps, (2.3, 2.7), strict=True)],
+    "Section 3.4": lambda *largest: [most < 1.01 for most in largest[:2]],
+    "Eqs. 14 to 26": below,
+    "Eqs. 15 to 23, division": lambda pole: [math.isinf(pole)],
+    "Eqs. 31 to 34": below,
+    "Eq. 35": below,
+    "Eqs. 38, 39": lambda angle: [abs(angle * (1.0 + at_a_tenth("impulse", "period_error")) - 1.0) < ROUNDING],
+    "Eq. 41": lambda decay, apart: below(apart),
+    "Eq. 42": lambda elongation, apart: below(apart),
+    "Eqs. 44, 45": lambda mended, printed, of_any, limits: below(mended, printed, of_any),
+    "Eqs. 46 to 54, energy": lambda energy, of_moment4: [abs(energy - 1.0) < 0.02],
+    "Example 1": lambda least, central, average, *others: [least < min(central, average), central > average],
+    "Example 2": lambda rk5, held: [rk5 > example_error(2, "impulse")],
+    "Example 3": lambda omega: [abs(omega - 0.031) < 0.0005],
+    "Conclusion 1": below,
+    "Conclusion 2, impulse": below,
+    "Conclusion 2, limits": lambda *limits: [limits[2] > limits[0] + 1e-6, limits[3] > limits[1] + 1e-6],
+    "Conclusion 3": lambda own, *others: [abs(own) < 0.1 * min(map(abs, others))],
+    "Conclusion 4": below,
+    "Conclusion 5": below,
+    "Conclusion 6": lambda *orders: [
+        abs(order - said) < 0.05 for order, said in zip(orders, (2, 2, 2, 1), strict=True)
+    ],
+    "Conclusion 7": lambda *powers: [power < 0.01 for power in powers],
+    "Conclusion 8": lambda *shares: [share < 5.0 for share in shares],
+    "Further study": lambda impulse, moment4: [impulse < 1.0],
+}  # fmt: skip
+"""By the first cell of a row, of which of its numbers what the paper says is true."""
+
+MISPRINTED = {
+    "Eqs. 11, 12": ("misprinted", below),
+    "Eq. 29, appendix": ("wrong powers", below),
+    "Eqs. 36, 37": ("misprinted", below),
+    "Eq. 40": ("half of the right one", lambda printed, right: [abs(printed / right - 0.5) < 1e-3]),
+    "Eqs. 46 to 54": ("misprinted", below),
+}
+"""By the first cell of a row, its verdict, and whether the equation holds once its misprint is mended."""
+
+
+def verdict_fits(verdict, true):
+    """Whether a verdict says what is true of all, none or some of the claims of a row."""
+    if not any(true):
+        return verdict.startswith(("does not hold", "do not hold", "open"))
+    whole = verdict.startswith("hold")
+    return whole if all(true) else "first holds" in verdict or (whole and re.search(" (if|but for|alone)", verdict))
+
+
 def denominator(w, xi):
     """Of the step's matrix, W = omega dt."""
     return w**4 + 12.0 * xi * w**3 + (12.0 + 48.0 * xi**2) * w**2 + 144.0 * xi * w + 144.0
@@ -299,8 +360,10 @@ def denominator(w, xi):
 
 @pytest.mark.parametrize("where", rows())
 def test_a_row_of_the_claims(where):
-    """Its numbers, but those in back quotes and of equations, are what is measured to the digits given, or bounds."""
-    written = NUMBER.findall(re.sub("`[^`]*`|eqs?[.] [0-9]+", "", rows()[where]))
+    """Its numbers, but those in back quotes and of equations, are what is measured to the digits given, or bounds; its
+    verdict follows from them."""
+    words, verdict = rows()[where]
+    written = NUMBER.findall(re.sub("`[^`]*`|eqs?[.] [0-9]+", "", words))
     measured = MEASURED[where]() if where in MEASURED else []
     assert len(written) == len(measured), (written, measured)
     for text, value in zip(written, measured, strict=True):
@@ -310,6 +373,11 @@ def test_a_row_of_the_claims(where):
         digits, _, power = text.partition("e")
         last = 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
         assert value == pytest.approx(float(text), abs=0.51 * last), (where, text)
+    if where in MISPRINTED:
+        word, mended = MISPRINTED[where]
+        assert verdict == word and all(mended(*measured))
+    elif measured:
+        assert verdict_fits(verdict, HOLDS[where](*measured)), where
 
 
 def test_every_measure_has_its_row():

@@ -79,7 +79,7 @@ def test_the_summary(folder, tdint):
         "settings", "notes", "inputs", "versions", "meanings", "files", "arguments",
     ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
-    assert summary["record"]["scale"] == 2.0
+    assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # nothing was asked for
     assert summary["building"]["damping"] == {"type": "rayleigh", "ratios": [0.05, 0.05], "modes": [1, 2]}
     assert summary["meanings"]["t1_s"]["unit"] == "s"
     assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")

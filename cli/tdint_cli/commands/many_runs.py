@@ -199,15 +199,15 @@ class Request(BuildingRequest, SuiteRequest):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the command line asked of the analysis; None where it is the model's."""
+        """What the command line asked of the analysis; None, or nothing, where it did not ask."""
         return {
             "method": self.method,
             "dt_s": self.dt,
             "duration_s": self.duration,
-            "until_rest": self.until_rest,
+            "until_rest": self.until_rest or None,
             "check": self.check,
             "tolerance": self.tolerance,
-            "allow_unstable": self.allow_unstable,
+            "allow_unstable": self.allow_unstable or None,
             **({"sequence": True, "rest_s": self.rest} if self.sequence else {}),
             "floor_spectra": list(self.of_floors.floors or ()),
         }

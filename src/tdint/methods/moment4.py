@@ -22,6 +22,14 @@ that is linear branch by branch is integrated exactly, without a search for even
 load enters by its impulse and first moment, which a record tells exactly over any number of samples. For rho_inf below
 1 a floor force has, in place of its moment, the one that makes stiff parts follow it at the ends of the steps.
 
+| here | in the code (`tdint.kernels.equations.moment4`) | equation |
+|---|---|---|
+| h U0, h U1 | `work[RISE]`, `work[BEND]`: the unknowns | path |
+| h^2 A0, h^2 A1 | `work[A0]`, `work[A1]`, from rise, bend and v0 | path |
+| int f dt, 12 int s f dt | `MEAN`, `MOMENT` of `tdint.kernels.stories.path`, by story | impulse, moment |
+| mean of p, 12 (mean of s p) | `work[LOAD]`, two rows (`mean_load`) | impulse, moment |
+| r, 12 / (1 + 6 r) | `coefficients[R]`, `coefficients[BY_RISE]` | path, first moment |
+
 In a linear building the step is that of impulse4 with the same rho_inf, as long as the load is linear in it. For
 rho_inf = 1 it is the energy-preserving collocation method of order 4 (Hairer 2010), which is the continuous Galerkin
 method of degree 2 in time (Betsch and Steinmann 2000).

@@ -180,7 +180,8 @@ def _ended(
     """The content with what every summary of a run ends with."""
     content |= {
         "record": motion_summary(record) if record else None,
-        "settings": dict(settings or {}),
+        # What was not asked for is left out: `tdint rerun` goes by the arguments.
+        "settings": {name: value for name, value in (settings or {}).items() if value not in (None, [])},
         "notes": list(notes),
         "inputs": inputs_summary(inputs),
         "versions": versions(),

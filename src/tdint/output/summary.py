@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import platform
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from tdint.analysis.fit import Fit
     from tdint.campaign.store import Store
 
+_LINE = 160  # characters of a line of JSON, without what it is indented by
 _SCHEMA = 1  # raised when a key goes or changes its meaning
 
 _UNITS = {"pga_m_s2": "m/s^2", "pgv_m_s": "m/s"}
@@ -170,7 +172,16 @@ def json_bytes(content: dict[str, Any]) -> bytes:
     """JSON with 12 significant digits, null for what is no finite number, keys in the order given, LF ends."""
     # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
     text = json.dumps(_plain(content), indent=2, allow_nan=False)
+    # What holds no other part, and fits, stands on a line of its own: in strings there are no ends of lines.
+    text = re.sub(r"[\[{]\n[^\[\]{}]*[\]}]", _on_a_line, text)
     return (text + "\n").encode()
+
+
+def _on_a_line(part: re.Match[str]) -> str:
+    """A part of indented JSON without ends of lines, if it is short."""
+    line = re.sub(r"\n *", " ", part[0])
+    line = f"{line[0]}{line[1:-1].strip()}{line[-1]}"
+    return line if len(line) <= _LINE else part[0]
 
 
 def listed_files(summary: Path) -> dict[str, str]:
