@@ -131,6 +131,12 @@ def test_long_steps_and_weak_bases_are_told(folder: Path, tdint: Command) -> Non
         (folder / f"{name}.yaml").write_text(text)
         said = tdint("check", f"{name}.yaml", code=0).stderr
         assert (told in said) if told else ("steps in" not in said and "base shear" not in said), said
+    # On the record's own samples the motion is straight, and the default needs fewer.
+    for steps, is_told in ((8.0, False), (6.0, True)):
+        of_story = f"{{mass: 1e5, height: 3, stiffness: {1e5 * (2.0 * 3.141592653589793 / (0.01 * steps)) ** 2}}}"
+        record = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}"
+        (folder / "low.yaml").write_text(f"stories: [{of_story}]\n{record}\n")
+        assert ("steps in the fundamental period" in tdint("check", "low.yaml", code=0).stderr) == is_told
 
 
 def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:

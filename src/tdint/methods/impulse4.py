@@ -65,7 +65,7 @@ def _by_branches(coefficients, scene, h, load, memory):
     """One step in which no law changes its branch, or one piece for each part of it between two such changes.
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
-    the rest of it on the new branch. A curved law may turn within a piece if that bends its force by less than the step
+    the rest of it on the new branch. A curved law may turn within a piece if that bends its force by less than a step
     errs (`join`). Where all laws are linear on their branches, a piece is one linear solve; curved ones among them take
     Newton's iteration. Where the step is too large for the interpolant, the motion up to a change may fall short of it:
     the piece is taken, and the change looked for from there. Or it may go far beyond: the change is looked for again on

@@ -142,12 +142,20 @@ def unusual_floors(building: Building) -> list[str]:
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
-def unusual_runs(model: Model, building: Building, dt: float | None) -> list[str]:
-    """A line each, for `tdint check`, on a time step (s) that is long beside the fundamental period, and on a base
-    shear at yield that no code asks for; isolators yield early, and what has no height is no building."""
+# Of a record's own interval, on which the motion is straight: the default errs by .05 to .3 % with 8 of them in the
+# period of low buildings, by up to 3 % with 6; several samples to a step leave 10 % and more with 10.
+_SAMPLES = 7.0
+
+
+def unusual_runs(model: Model, building: Building, interval: float | None) -> list[str]:
+    """A line each, for `tdint check`, on a time step that is long beside the fundamental period, where the model names
+    none that of the record (s), and on a base shear at yield that no code asks for; isolators yield early, and what has
+    no height is no building."""
     period = 2.0 * math.pi / building.first_mode()[0]
     told = []
-    if dt is not None and not STEP.holds(period / dt):
+    dt = model.analysis.dt or interval
+    of_record = interval is not None and dt is not None and dt <= interval
+    if dt is not None and not STEP.holds(period / dt) and not (of_record and period / dt >= _SAMPLES):
         told.append(
             f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, usual: at least "
             f"{STEP.text(STEP.low)} ({STEP.reason})"

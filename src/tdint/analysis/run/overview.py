@@ -99,10 +99,10 @@ def overview(source: str | Path) -> Overview:
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
     # The ground motion that it names, processed and scaled; standard input is not read for a look.
-    pga, dt, source_of_record = math.nan, model.analysis.dt, model.excitation.record
+    pga, interval, source_of_record = math.nan, None, model.excitation.record
     if source_of_record is not None and source_of_record.file != "-" and (record := model_record(model)):
-        pga, dt = record.pga, dt or record.dt
-    unusual = (*([] if model.as_meant else unusual_floors(building)), *unusual_runs(model, building, dt))
+        pga, interval = record.pga, record.dt
+    unusual = (*([] if model.as_meant else unusual_floors(building)), *unusual_runs(model, building, interval))
     period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual)
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 
