@@ -120,6 +120,18 @@ def test_files_folders_and_modules_that_are_named_exist(path):
         assert re.search(rf"^ *(?:def|class) {name}\b", module.read_text(encoding="utf-8"), re.MULTILINE), (name, file)
 
 
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_a_page_runs_from_top_to_bottom_in_one_folder(path):
+    """No command of it would end with `exists already`; a table, a record and the summary beside share their name."""
+    blocks = re.findall(r"^```.*?^```$", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    outputs = [
+        re.sub(r"\.(?:csv|mseed|parquet)$", "", name)
+        for line in "".join(blocks).replace("\\\n", " ").splitlines()
+        for name in re.findall(r"tdint [a-z][^|>#]*? -o ([^\s$]+)(?![^|>#]*--overwrite)", line)
+    ]
+    assert sorted(outputs) == sorted(set(outputs))
+
+
 def words(path):
     return len(path.read_text(encoding="utf-8").split())
 
