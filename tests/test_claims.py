@@ -385,3 +385,58 @@ def test_every_measure_has_its_row():
     told = " ".join(rows())
     for number in (1, 2, 3, 4, 5, 6, 7, 8):
         assert f"Conclusion {number}" in told
+
+
+# ---- What one page says of the table of another one
+
+
+def page(name):
+    return " ".join((readmes.ROOT / name).read_text().split())
+
+
+def table_row(name, *begin):
+    """Numbers of the only row of a page's tables that begins so."""
+    (row,) = re.findall(rf"\| {re.escape(' | '.join(begin))} \|([^\n]*)", (readmes.ROOT / name).read_text())
+    return [float(number) for number in re.findall(r"[\d.]+(?:e-\d+)?", row)]
+
+
+def said(name, pattern):
+    """Numbers that a sentence of a page says, in its order."""
+    (sentence,) = re.finditer(pattern, page(name))
+    return [float(number) for number in sentence.groups()]
+
+
+def test_how_honest_told_errors_are_as_the_first_page_says():
+    text = r"errors of drifts in random buildings ([\d.]+) % are less than a half"
+    assert said("README.md", text) == table_row("tests/README.md", "random: beyond 2 / 10 times")[:1]
+
+
+def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
+    text = r"drifts in (\d+), (\d+) and (\d+), and takes ([\d.]+), ([\d.]+) and ([\d.]+) times the fastest"
+    rows_of_table = [table_row("tests/README.md", limit) for limit in ("1 %", "0.1 %", "0.01 %")]
+    means, counts = zip(*[row[:2] for row in rows_of_table], strict=True)
+    assert said("src/tdint/methods/README.md", text) == [*counts, *means]
+    assert all(sum(row[1::2]) <= 14 for row in rows_of_table)
+
+
+def test_ratios_of_the_table_of_ten_yielding_stories():
+    """How many times closer, and how the error falls per halving."""
+    at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
+    average, fine_average = (table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025"))
+    assert said("tests/README.md", r"errs (\d+) times less than average") == [round(average[0] / at_step[0], -2)]
+    assert fine_average[1] / at_step[1] == pytest.approx(30.0, rel=0.05)  # "thirty times closer"
+    assert at_step[-1] < 0.5 * 4.0 * fine_average[-1]  # "in less than half of the time"
+    for method in ("impulse", "bathe", "gauss4", "newmark-average"):
+        coarse, fine = (table_row("tests/README.md", method, dt)[0] for dt in ("0.01", "0.0025"))
+        assert 1.85 <= math.log2(coarse / fine) / 2.0 <= 2.35
+    assert math.log2(at_step[0] / finer[0]) / 2.0 > 3.7
+    quarter, half, whole = said("tests/README.md", r"\| moment4 \| (\S+) / \S+ \| (\S+) / \S+ \| (\S+) /")
+    fell = said("src/tdint/methods/README.md", r"falls (\d+) and (\d+) times per halving, that of `impulse4` (\d+)")
+    assert fell == [round(whole / half), round(half / quarter), round((at_step[0] / finer[0]) ** 0.5)]
+
+
+def test_what_equal_accuracy_costs_as_the_joss_paper_says():
+    row = re.findall(r"\(([\d.]+)\)", re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0])
+    assert "a twentieth of the time of the average-acceleration method" in page(".github/paper/paper.md")
+    assert "a four-hundredth of that of OpenSeesPy" in page(".github/paper/paper.md")
+    assert (float(row[4]), round(float(row[5]), -2)) == (20, 400)
