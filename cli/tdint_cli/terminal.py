@@ -102,13 +102,27 @@ def say(*lines: str) -> None:
 
 def note(*texts: str) -> None:
     """Say what is good to know."""
-    say(*(f"note: {text}" for text in texts))
+    say(*(f"note: {text}" for text in _of_a_kind(texts)))
 
 
 def warn(*texts: str) -> None:
     """Say what changes what a number means; nothing silences it."""
     for text in texts:
         complain(f"Warning: {text}")
+
+
+_FEW = 2  # files of which each has a line, where the same is said of several
+
+
+def _of_a_kind(texts: Sequence[str]) -> list[str]:
+    """What is said of many files (`FILE: WORDS`) in one line behind what is said of single ones."""
+    files: dict[str, list[str]] = {}
+    for text in texts:
+        file, _, words = text.rpartition(": ")
+        files.setdefault(words, []).append(file)
+    many = {words: named for words, named in files.items() if len(named) > _FEW and all(named)}
+    single = [text for text in texts if text.rpartition(": ")[2] not in many]
+    return single + [f"{named[0]} and {len(named) - 1} more: {words}" for words, named in many.items()]
 
 
 def complain(text: str, settings: Settings | None = None) -> None:

@@ -69,6 +69,23 @@ def test_a_national_annex_and_damping():
     assert np.array(plateaus) / STANDARD_GRAVITY == pytest.approx([2.5, 2.5 * (10 / 15) ** 0.5, 1.375, 1.375])
 
 
+@pytest.mark.parametrize("damping", [5, 20])
+def test_ec8_beyond_four_seconds(damping):
+    """EN 1998-1:2004 A.2: to TE as before, a straight line of displacements to that of the ground at 10 s. The two meet
+    within 2.5 / 4 pi^2 over 0.0625; type 2 ends at 4 s."""
+    target = read_target(f"ec8:type=1,soil=C,ag=0.3g,damping={damping}%")
+    ground = 0.025 * 0.3 * STANDARD_GRAVITY * 1.15 * 0.6 * 2.0
+    plateau = 2.5 * (10.0 / (5.0 + damping)) ** 0.5 if damping < 28 else 1.375
+    periods = np.array([6.0 * (1.0 + 1e-12), 8.0, 10.0])
+    displacement = target.at(periods) * (periods / (2.0 * np.pi)) ** 2
+    assert displacement == pytest.approx(ground * np.array([plateau, 0.5 * (plateau + 1.0), 1.0]), rel=1e-9)
+    assert target.at([6.0]) / target.at(periods[:1]) == pytest.approx(40.0 / np.pi**2 / 4.0, rel=1e-9)
+    assert target.at([5.0]) == pytest.approx(target.at([2.5]) / 4.0)
+    assert target.periods[-1] == pytest.approx(10.0)
+    with pytest.raises(UsageError, match="from 0 to 4 s"):
+        read_target("ec8:type=2,soil=C,ag=0.3g").at([4.5])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -12,6 +12,7 @@ from tdint.model.building import assemble, falling_stories, stiffness_after_yiel
 from tdint.model.config.model_file import load_model
 from tdint.output.report import damping_words
 from tdint.units import STANDARD_GRAVITY
+from tdint_cli.terminal import note
 
 UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
 RAYLEIGH = "damping: {rayleigh: {mass: 0.3, stiffness: 0.004}}\n"
@@ -128,3 +129,45 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
 def test_the_stiffness_after_yield(tmp_path, law, stiffness):
     story = model(tmp_path, f"mass: 1, stiffness: 1000, law: {law}").stories[0]
     assert stiffness_after_yield(story) == pytest.approx(stiffness, rel=1e-12)
+
+
+def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
+    """A rigid block on one isolator: 2 pi sqrt(m d / V), before it yields 2 pi sqrt(m / k)."""
+    Path("block.yaml").write_text(
+        "stories:\n  - {mass: 25, stiffness: 3000, isolator: true, law: "
+        "{type: bilinear, yield_force: 5, hardening: 0.1}}\n"
+    )
+    motion = ("motion.mseed", "--component", "HNN", "--units", "m/s^2")
+    row = rows(tdint("run", "block.yaml", *motion, "--report", "block.html").stdout)[0]
+    secant = float(row["peak_shear_N"]) / float(row["peak_drift_m"])
+    before, at_peak = (2.0 * np.pi * np.sqrt(25.0 / k) for k in (3000.0, secant))
+    told = f"first period {before:.4g} s (before the isolators yield; {at_peak:.4g} s with their secant stiffness"
+    assert told in Path("block.html").read_text() and at_peak > 1.5 * before
+
+
+def test_what_is_unusual_is_as_meant(folder, tdint):
+    text = Path("shaken.yaml").read_text()
+    Path("odd.yaml").write_text(text + "collapse_drift: 0.5\n")
+    Path("meant.yaml").write_text(text + "collapse_drift: 0.5\nplausibility: off, a rig of the laboratory\n")
+    assert "collapse_drift 0.5, usual" in tdint("check", "odd.yaml").stderr
+    for command in ("check", "run"):
+        told = tdint(command, "meant.yaml").stderr
+        assert "usual:" not in told and "is not told: a rig of the laboratory" in told
+    Path("bare.yaml").write_text(text + "plausibility: off\n")
+    assert "plausibility: must be off and the reason, such as" in tdint("check", "bare.yaml", code=3).stderr
+
+
+def test_what_is_said_of_many_files_is_one_line(capsys):
+    """Behind what is said of single ones, which changes a number more often."""
+    note(
+        *(f"{name}.csv: the inventory is not used" for name in "abcd"),
+        "a.csv: mean 9.83 m/s^2",
+        "b.csv: cut",
+        "c.csv: cut",
+    )
+    assert capsys.readouterr().err.splitlines() == [
+        "note: a.csv: mean 9.83 m/s^2",
+        "note: b.csv: cut",
+        "note: c.csv: cut",
+        "note: a.csv and 3 more: the inventory is not used",
+    ]

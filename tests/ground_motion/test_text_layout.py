@@ -169,6 +169,23 @@ class TestSkippedLines:
         fails(r"begins in line 3: tell by `step` and `column`, past", file, content, "g")
 
 
+def test_a_unit_of_acceleration_tells_a_motion(file):
+    base, drift = text(["time_s,base_m_s2"], table([], times(), COLUMNS[0])), table([], times(), *COLUMNS[:2])
+    (record,) = read(file, base)
+    assert (record.component, record.units, record.pga) == ("base", "m/s^2", pytest.approx(1.0))
+    fails(
+        r"tell by `column` which is the motion: base_m_s2, drift_m\)", file, text(["time_s,base_m_s2,drift_m"], drift)
+    )
+
+
+@pytest.mark.parametrize("layout", [{}, {"column": "2"}])
+def test_what_a_table_lacks_is_named(file, layout):
+    quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
+    fails("its numbers stand in quotation marks; write them without", file, '"time_s","a_m_s2"\n' + quoted, **layout)
+    if not layout:
+        fails("one row of numbers; a record has two samples at least", file, "time_s,a_m_s2\n0.0,1.0\n")
+
+
 def test_other_formats_have_no_columns(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
         for given in ({"column": "2"}, {"skip_lines": 1}):

@@ -15,8 +15,8 @@ from tdint.model.keys import document as config
 
 WORDS = {
     "<keys>": (
-        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, damage, "
-        "output_units, report"
+        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, "
+        "plausibility, damage, output_units, report"
     ),
     "<story keys>": "mass, weight, height, stiffness, law, dashpot, isolator, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",

@@ -81,12 +81,12 @@ class CampaignRequest(SuiteRequest):
     require: bool = REQUIRE
     baseline: str | None = options.analysis.option(
         metavar="NAME",
+        common=True,
         help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the "
         "ratios of the largest of all stories.",
     )
     by: str | None = options.output.option(
         metavar="COLUMN",
-        common=True,
         help="Losses also by what stands in this column of the inventory, such as district: a column of losses.csv.",
     )
     im: tuple[str, ...] | None = options.studies.option(

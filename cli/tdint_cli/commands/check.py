@@ -99,7 +99,10 @@ def command(
             waiting = [*(named or ()), *waiting]
         except (ModelError, RecordError) as error:
             failures.append(error)
+    from tdint.model.plausibility import as_meant
+
     for subject in sound:
+        note(*(f"{subject.model.source}: {text}" for text in as_meant(subject.model)))
         for text in subject.warnings:
             warn(f"{subject.model.source}: {text}")
     if sound:

@@ -135,14 +135,14 @@ duration = option(
     "--duration",
     type=float,
     metavar="SECONDS",
-    common=True,
     help="Time to integrate; by default the model's, else the record's.",
 )
 
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    help="Go on after that with the ground at rest until the building is: residual drifts are at rest then.",
+    common=True,
+    help="Go on after the record with the ground at rest until the building is, too: residual drifts are at rest then.",
 )
 
 

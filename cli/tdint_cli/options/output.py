@@ -132,7 +132,6 @@ def style_of(needs: str) -> grammar.Declaration:
         expose_value=False,
         callback=_styled,
         metavar="LOOKS",
-        common=True,
         help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 points, 600 dpi; "
         "a style sheet is matplotlib's. All words: \"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
         'label:moment4=present method".',
@@ -184,7 +183,6 @@ def threads(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
         heading=heading,
         type=click.IntRange(1, 1024),
         metavar="N",
-        common=True,
         help=f"{text} by default. The output does not depend on it.",
     )
 

@@ -74,7 +74,6 @@ record = option(
     "--record",
     type=FileName(),
     metavar="FILE",
-    common=True,
     help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
@@ -162,6 +161,7 @@ _PROCESSING = (
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
+        common=True,
         help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
     ),
     option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),

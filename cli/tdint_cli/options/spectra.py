@@ -121,6 +121,7 @@ class FloorRequest:
         type=click.STRING,
         many=True,
         metavar="FLOOR,...",
+        common=True,
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, "
         f"or roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of "
         f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",

@@ -372,6 +372,8 @@ class Model:
         What tells it from other variations of the building.
     damage : DamageStates or None
         How its damage is told.
+    as_meant : str
+        Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where it is.
     """
 
     name: str
@@ -390,6 +392,7 @@ class Model:
     varied: tuple[tuple[str, float], ...] = ()
     label: str = ""
     damage: DamageStates | None = None
+    as_meant: str = ""
 
     def replace(self, **changes: float | str) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.

@@ -117,6 +117,8 @@ def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str
 
 def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[str]:
     """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each."""
+    if model.as_meant:
+        return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
     told = []
     for bound, value in (
@@ -153,10 +155,15 @@ def unusual_runs(model: Model, building: Building, dt: float | None) -> list[str
     first = model.stories[0]
     strength = building.yield_drift[0] * first.stiffness / (STANDARD_GRAVITY * building.mass.sum())
     # Below a part that wind alone would exceed every story is told already.
-    judged = math.isfinite(building.heights[0]) and STRENGTH.holds(strength)
+    judged = not model.as_meant and math.isfinite(building.heights[0]) and STRENGTH.holds(strength)
     if judged and not BASE_STRENGTH.holds(strength):
         told.append(BASE_STRENGTH.told(BASE_STRENGTH.text(strength)))
     return told
+
+
+def as_meant(model: Model) -> list[str]:
+    """A note, where a model says that what is unusual of it is meant so."""
+    return [f"what is unusual of the building is not told: {model.as_meant}"] if model.as_meant else []
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tdint.analysis.compare import Comparison
-    from tdint.analysis.run.outcome import Response
+    from tdint.analysis.run.outcome import Response, StoryPeaks
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import Pushover
@@ -53,19 +53,31 @@ LEFT_OUT = (
 """What a shear building leaves out."""
 
 
-def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
-    """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta."""
+def model_chapter(
+    model: Model, period: float, damping: float, units: OutputUnits = SI, *, peaks: StoryPeaks | None = None
+) -> Chapter:
+    """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta; with the
+    peaks of a run the period of the isolators' secant stiffness there, too."""
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
-    yields = any(story.isolator for story in model.stories)
+    of_isolators = ""
+    if any(story.isolator for story in model.stories):
+        told = f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift" if peaks else ""
+        of_isolators = f" (before the isolators yield{told})"
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s{_BEFORE * yields} with "
+        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s{of_isolators} with "
         f"{100.0 * damping:.3g} % damping, "
         f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
     return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
 
 
-_BEFORE = " (before the isolators yield)"
+def _period_at(model: Model, peaks: StoryPeaks) -> float:
+    """The first period with the secant stiffness of isolators at their peak drifts, s."""
+    stories = tuple(
+        replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story
+        for story, shear, drift in zip(model.stories, peaks.peak_shear.tolist(), peaks.peak_drift.tolist(), strict=True)
+    )
+    return 2.0 * math.pi / assemble(replace(model, stories=stories)).first_mode()[0]
 
 
 def damping_words(model: Model) -> str:
@@ -144,7 +156,7 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        _model_chapter(model, units),
+        _model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (once(response.notes),)),
@@ -506,6 +518,6 @@ def comparison_page(
     return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
 
 
-def _model_chapter(model: Model, units: OutputUnits) -> Chapter:
+def _model_chapter(model: Model, units: OutputUnits, peaks: StoryPeaks | None = None) -> Chapter:
     omega, damping = assemble(model).first_mode()
-    return model_chapter(model, 2.0 * math.pi / omega, damping, units)
+    return model_chapter(model, 2.0 * math.pi / omega, damping, units, peaks=peaks)

@@ -41,7 +41,7 @@ from tdint.kernels.march.march import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
-from tdint.model.plausibility import DUCTILITY, doubts, unusual_stories
+from tdint.model.plausibility import DUCTILITY, as_meant, doubts, unusual_stories
 from tdint.written_numbers import how_many
 
 # ---- What a march left in its arrays, as results
@@ -412,7 +412,8 @@ class Case:
         moving = moving_drift(self.building, space)
         notes = self._notes(steps, space, stories, unresolved, moving, bool(collapse and collapse.ended))
         # Isolators are made for it, and what has no height is no story of a frame.
-        ductility = np.where(np.isfinite(self.building.heights), stories.ductility, math.nan)
+        usual = np.isfinite(self.building.heights) & (not self.model.as_meant)
+        ductility = np.where(usual, stories.ductility, math.nan)
         warnings = [*self._doubts, *unusual_stories(DUCTILITY, ductility)]
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "lost to" if energy.error > 0.0 else "made by"
@@ -450,7 +451,7 @@ class Case:
     ) -> tuple[str, ...]:
         """What there is to say of a run, which may have `ended` before its time by a collapse."""
         record, end = self.record, steps.count * steps.h
-        notes = [*self.remarks, *(record.notes if record else ())]
+        notes = [*as_meant(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
         elif record and not ended:

@@ -102,7 +102,7 @@ def overview(source: str | Path) -> Overview:
     pga, dt, source_of_record = math.nan, model.analysis.dt, model.excitation.record
     if source_of_record is not None and source_of_record.file != "-" and (record := model_record(model)):
         pga, dt = record.pga, dt or record.dt
-    unusual = (*unusual_floors(building), *unusual_runs(model, building, dt))
+    unusual = (*([] if model.as_meant else unusual_floors(building)), *unusual_runs(model, building, dt))
     period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual)
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
 

@@ -55,7 +55,9 @@ _GROUND = {
 """S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and 3.3)."""
 
 _LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
-_EC8_END = 4.0  # s; beyond it stands Annex A
+_EC8_END = 4.0  # s; beyond it stands Annex A, for type 1 alone
+_TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}  # s, EN 1998-1:2004 table A.1
+_TF = 10.0  # s; from here on the displacement is that of the ground
 _LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
 
 
@@ -123,7 +125,8 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(given: Texts) -> DesignSpectrum:
-    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a National Annex."""
+    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a National Annex; of
+    type 1 up to 10 s, from TE on by the displacements of eq. A.2."""
     soils = _GROUND.get(given["type"])
     if soils is None:
         raise UsageError(f"type must be 1 or 2, got {given['type']!r}")
@@ -137,14 +140,18 @@ def _ec8(given: Texts) -> DesignSpectrum:
     damping = parse_ratio(given.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
         raise UsageError(f"damping must lie between 0 and 100 %, got {given['damping']!r}")
-    plateau = 2.5 * max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _LEAST_ETA)
+    eta = max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _LEAST_ETA)
+    plateau = 2.5 * eta
+    te = _TE[given["soil"].upper()]
 
     def curve(periods: Array) -> Array:
         t = np.maximum(periods, tb)  # no branch divides by 0
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
+        displacement = 0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
+        shape = np.where(t <= te, shape, displacement * (2.0 * np.pi / t) ** 2)
         return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
 
-    return DesignSpectrum(curve, (tb, tc, td), damping, _EC8_END)
+    return DesignSpectrum(curve, (tb, tc, td), damping, _TF if given["type"] == "1" else _EC8_END)
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}

@@ -2,7 +2,8 @@
 
 A column is a time, an acceleration, a velocity, a displacement, or a component of the acceleration:
 `Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Blanks, commas, semicolons or
-tabs divide the names, units stand in brackets or after an underscore.
+tabs divide the names, units stand in brackets or after an underscore. Beside a time, another name with a unit of
+acceleration (`base_m_s2`) is that of a component.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ _COMPONENT = (
     r"[nsewudzvhxylr]\d?|[nsewud]-?[nsewud]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
 )
+_ACCELERATION = re.compile(r"(?:mm|cm|m|in|ft)/s(?:\^?2|/s)|gal|g")
 _TIMES = ("t", "time", "times", "s", "sec")
 _KINDS = {
     "acceleration": re.compile(rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"),
@@ -165,6 +167,8 @@ def _columns(parts: list[str]) -> list[ColumnName]:
         elif not match and re.fullmatch(_COMPONENT, name):
             kind, component = "acceleration", name.upper()
         text = " ".join(part.strip().strip("\"'").split())
+        if kind == OTHER and place > 0 and _ACCELERATION.fullmatch(units):
+            kind, component = "acceleration", text[: len(name)]
         columns.append(ColumnName(kind, component, units, text, plain=name))
     return columns
 

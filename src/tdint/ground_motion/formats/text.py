@@ -17,7 +17,9 @@ import re
 import warnings
 from array import array
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
+from io import BytesIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +39,7 @@ from tdint.ground_motion.formats.table_columns import (
     TIME,
     ColumnName,
     TableHeader,
+    any_names,
     column_names,
     declared_in,
     lacks_first_name,
@@ -64,20 +67,39 @@ _MOST = 50
 def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
     """Whether a file has a header as above, if any, then rows of one number, or of several the first of which grows;
     with a layout, whether a table of numbers begins below the lines to skip."""
-    return first_row(file, layout) is not None if layout else recognizes(file, _matches)
+    return _begins(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
 
 
-def first_row(file: Any, layout: TextLayout) -> int | None:
-    """The line, counted from 1, where a table of numbers begins below the lines to skip; None if there is none."""
-    try:
+def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
+    """What stands above the numbers, below the lines to skip; and how many of them each of their first two rows has."""
+    above: list[str] = []
+    widths: list[int] = []
+    with suppress(RecordError):  # the file ends
         lines = read_lines(file, text_only=True)
         lines.skip(layout.skip_lines or 0)
-        lines.take_until(ROW.fullmatch, "row of numbers")
-        number = lines.number + 1
-        rows = [_numbers(lines.take()) for _ in range(2)]
-    except RecordError:
-        return None
-    return number if rows[0] and len(rows[0]) == len(rows[1]) <= _MOST else None
+        above = lines.take_until(ROW.fullmatch, "row of numbers")
+        while len(widths) < 2 and (width := len(_numbers(lines.take()))):
+            widths.append(width)
+    return above, widths
+
+
+def _begins(widths: list[int]) -> bool:
+    return len(widths) == 2 and widths[0] == widths[1] <= _MOST
+
+
+def table_in(data: bytes, layout: TextLayout) -> str:
+    """What a file of unknown format has of a table, and what is to be told of it, in words; empty if it has none."""
+    above, widths = _first_rows(BytesIO(data), layout)
+    if len(widths) == 1:
+        return "one row of numbers; a record has two samples at least"
+    if not _begins(widths):
+        is_quoted = b'"' in data and _begins(_first_rows(BytesIO(data.replace(b'"', b"")), layout)[1])
+        return "its numbers stand in quotation marks; write them without" if is_quoted else ""
+    names = any_names(above[-1], widths[0]) if above else ()
+    if len(names) > 2 and names[0].kind == TIME:
+        return f"tell by `column` which is the motion: {', '.join(name.text[:40] for name in names[1:])}"
+    passed = f", past the lines above by `skip_lines={len(above)}`," if above else ""
+    return f"a table of numbers begins in line {len(above) + 1}: tell by `step` and `column`{passed} what it is"
 
 
 def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any) -> Stream:
@@ -185,7 +207,7 @@ def _series(common: Series, columns: Columns, header: TableHeader, place: int, t
         motion = motion_units(name.units) if name.units else None
         quantity = parse_units(motion).quantity if motion else "acceleration"
     units = required_units(text, quantity) if text else ""
-    channel = name.component or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
+    channel = code(name.component) or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
     part = replace(part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
     if name.kind != "acceleration":
         return part

@@ -323,15 +323,11 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
         raise RecordError(f"{source}: unknown format, {look}")
 
     # A table in a text that tells nothing of it can be read with what the user says.
-    hint = ""
-    if layout:
-        hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
-    else:
-        from tdint.ground_motion.formats.text import first_row
+    from tdint.ground_motion.formats.text import table_in
 
-        if (line := first_row(BytesIO(data), layout)) is not None:
-            above = f", past the lines above by `skip_lines={line - 1}`," if line > 1 else ""
-            hint = f" (a table of numbers begins in line {line}: tell by `step` and `column`{above} what it is)"
+    hint = f" ({table})" if (table := table_in(data, layout)) else ""
+    if layout and not hint:
+        hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
     formats = ", ".join(plugin.name for plugin in plugins())
     raise RecordError(f"{source}: unknown format{hint}; those that are read: {formats}")
 

@@ -232,6 +232,14 @@ _ANALYSIS = Keys(
 )
 
 
+def _as_meant(text: str) -> str:
+    """The reason in `off, a rig of the laboratory`."""
+    word, _, reason = text.partition(",")
+    if word.strip() != "off" or not reason.strip():
+        raise UsageError("must be off and the reason, such as `off, a rig of the laboratory`")
+    return reason.strip()
+
+
 def model_keys() -> Keys:
     """The keys of a model file, and what may stand under them."""
     from tdint.model.config.building_facts import BUILDING  # needs numpy, which most models are read without
@@ -252,6 +260,7 @@ _MODEL = Keys(
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
         Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
+        Key("plausibility", Words(), "`off, REASON`: what is unusual of the building is not told, but the reason is"),
         Key("damage", DAMAGE, "damage states of the building"),
         Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
         Key("report", Words(), "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'"),
@@ -328,7 +337,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
-    head = section.get("report")
+    head, plausibility = section.get("report"), section.get("plausibility")
 
     # Units of tables, and those of pages for people: of the file where it names none for the output.
     output_units, page_units = SI, unit.named
@@ -365,6 +374,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_units=page_units,
         page_head=(head.parsed(parse_head) if head else None) or (),
         damage=read_damage(section.get("damage")),
+        as_meant=(plausibility.parsed(_as_meant) if plausibility else None) or "",
     )
     # A stream can be read once.
     record = model.excitation.record
