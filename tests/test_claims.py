@@ -11,7 +11,7 @@ import pytest
 
 import readmes
 from as_printed import BETA, matrix, nonlinear_step
-from tdint import run
+from tdint import read_horizontals, rotated_spectrum, run
 from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.paper_examples import DT, examples, run_example
@@ -440,3 +440,27 @@ def test_what_equal_accuracy_costs_as_the_joss_paper_says():
     assert "a twentieth of the time of the average-acceleration method" in page(".github/paper/paper.md")
     assert "a four-hundredth of that of OpenSeesPy" in page(".github/paper/paper.md")
     assert (float(row[4]), round(float(row[5]), -2)) == (20, 400)
+
+
+def test_safe_side_of_target_displacements():
+    rows_of_table = [
+        table_row("configs/README.md", f"`{name}`")
+        for name in ("kaikoura-frame", "three-story-concrete", "ten-story-bilinear")
+    ]
+    over = [100.0 * (told / row[2] - 1.0) for row in rows_of_table for told in row[:2]]
+    assert said("configs/README.md", r"safe side here, by (\d+) to (\d+) %") == [round(min(over)), round(max(over))]
+
+
+def test_the_error_told_with_the_models_is_that_of_the_table():
+    told = said("configs/README.md", r"peak drifts of `impulse4` are off by ([\d.]+) % at most")
+    assert told == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
+
+
+def test_what_samples_miss_of_rotd50():
+    pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
+    least, whole = (
+        rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa for maxima in ("samples", None)
+    )
+    missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(whole))
+    text = r"`--maxima samples` would miss up to (\d+) % of RotD50"
+    assert said("src/tdint/analysis/spectra/README.md", text) == [pytest.approx(float(missed), abs=0.5)]
