@@ -3,6 +3,8 @@ measured here, and its numbers are read from the page as digests are."""
 
 import math
 import re
+import subprocess
+import sys
 from functools import cache
 from itertools import pairwise
 
@@ -464,3 +466,17 @@ def test_what_samples_miss_of_rotd50():
     missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(whole))
     text = r"`--maxima samples` would miss up to (\d+) % of RotD50"
     assert said("src/tdint/analysis/spectra/README.md", text) == [pytest.approx(float(missed), abs=0.5)]
+
+
+@pytest.mark.slow
+def test_the_table_of_moment4_with_parts_that_no_step_resolves():
+    """By its command, L2 alone."""
+    command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    section = (readmes.ROOT / "tests/README.md").read_text().partition("(`stiff`), L2:")[2].partition("## ")[0]
+    lines = re.findall(r"^\| ([a-z]\S+) \| (\S+e-.*) \|$", section, re.MULTILINE)
+    assert len(lines) == 5
+    for method, numbers in lines:
+        (line,) = re.findall(rf"^{re.escape(method)} +(.*)$", printed, re.MULTILINE)
+        made = [float(cell.partition("/")[0]) for cell in line.split()]
+        assert made == pytest.approx([float(number) for number in numbers.split(" | ")], rel=0.05), method
