@@ -3,6 +3,8 @@ measured here, and its numbers are read from the page as digests are."""
 
 import math
 import re
+import subprocess
+import sys
 from functools import cache
 from itertools import pairwise
 
@@ -11,7 +13,7 @@ import pytest
 
 import readmes
 from as_printed import BETA, matrix, nonlinear_step
-from tdint import run
+from tdint import read_horizontals, rotated_spectrum, run
 from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.paper_examples import DT, examples, run_example
@@ -385,3 +387,96 @@ def test_every_measure_has_its_row():
     told = " ".join(rows())
     for number in (1, 2, 3, 4, 5, 6, 7, 8):
         assert f"Conclusion {number}" in told
+
+
+# ---- What one page says of the table of another one
+
+
+def page(name):
+    return " ".join((readmes.ROOT / name).read_text().split())
+
+
+def table_row(name, *begin):
+    """Numbers of the only row of a page's tables that begins so."""
+    (row,) = re.findall(rf"\| {re.escape(' | '.join(begin))} \|([^\n]*)", (readmes.ROOT / name).read_text())
+    return [float(number) for number in re.findall(r"[\d.]+(?:e-\d+)?", row)]
+
+
+def said(name, pattern):
+    """Numbers that a sentence of a page says, in its order."""
+    (sentence,) = re.finditer(pattern, page(name))
+    return [float(number) for number in sentence.groups()]
+
+
+def test_how_honest_told_errors_are_as_the_first_page_says():
+    text = r"errors of drifts in random buildings ([\d.]+) % are less than a half"
+    assert said("README.md", text) == table_row("tests/README.md", "random: beyond 2 / 10 times")[:1]
+
+
+def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
+    text = r"drifts in (\d+), (\d+) and (\d+), and takes ([\d.]+), ([\d.]+) and ([\d.]+) times the fastest"
+    rows_of_table = [table_row("tests/README.md", limit) for limit in ("1 %", "0.1 %", "0.01 %")]
+    means, counts = zip(*[row[:2] for row in rows_of_table], strict=True)
+    assert said("src/tdint/methods/README.md", text) == [*counts, *means]
+    assert all(sum(row[1::2]) <= 14 for row in rows_of_table)
+
+
+def test_ratios_of_the_table_of_ten_yielding_stories():
+    """How many times closer, and how the error falls per halving."""
+    at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
+    average, fine_average = (table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025"))
+    assert said("tests/README.md", r"errs (\d+) times less than average") == [round(average[0] / at_step[0], -2)]
+    assert fine_average[1] / at_step[1] == pytest.approx(30.0, rel=0.05)  # "thirty times closer"
+    assert at_step[-1] < 0.5 * 4.0 * fine_average[-1]  # "in less than half of the time"
+    for method in ("impulse", "bathe", "gauss4", "newmark-average"):
+        coarse, fine = (table_row("tests/README.md", method, dt)[0] for dt in ("0.01", "0.0025"))
+        assert 1.85 <= math.log2(coarse / fine) / 2.0 <= 2.35
+    assert math.log2(at_step[0] / finer[0]) / 2.0 > 3.7
+    quarter, half, whole = said("tests/README.md", r"\| moment4 \| (\S+) / \S+ \| (\S+) / \S+ \| (\S+) /")
+    fell = said("src/tdint/methods/README.md", r"falls (\d+) and (\d+) times per halving, that of `impulse4` (\d+)")
+    assert fell == [round(whole / half), round(half / quarter), round((at_step[0] / finer[0]) ** 0.5)]
+
+
+def test_what_equal_accuracy_costs_as_the_joss_paper_says():
+    row = re.findall(r"\(([\d.]+)\)", re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0])
+    assert "a twentieth of the time of the average-acceleration method" in page(".github/paper/paper.md")
+    assert "a four-hundredth of that of OpenSeesPy" in page(".github/paper/paper.md")
+    assert (float(row[4]), round(float(row[5]), -2)) == (20, 400)
+
+
+def test_safe_side_of_target_displacements():
+    rows_of_table = [
+        table_row("configs/README.md", f"`{name}`")
+        for name in ("kaikoura-frame", "three-story-concrete", "ten-story-bilinear")
+    ]
+    over = [100.0 * (told / row[2] - 1.0) for row in rows_of_table for told in row[:2]]
+    assert said("configs/README.md", r"safe side here, by (\d+) to (\d+) %") == [round(min(over)), round(max(over))]
+
+
+def test_the_error_told_with_the_models_is_that_of_the_table():
+    told = said("configs/README.md", r"peak drifts of `impulse4` are off by ([\d.]+) % at most")
+    assert told == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
+
+
+def test_what_samples_miss_of_rotd50():
+    pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
+    least, whole = (
+        rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa for maxima in ("samples", None)
+    )
+    missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(whole))
+    text = r"`--maxima samples` would miss up to (\d+) % of RotD50"
+    assert said("src/tdint/analysis/spectra/README.md", text) == [pytest.approx(float(missed), abs=0.5)]
+
+
+@pytest.mark.slow
+def test_the_table_of_moment4_with_parts_that_no_step_resolves():
+    """By its command, L2 alone."""
+    command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    section = (readmes.ROOT / "tests/README.md").read_text().partition("(`stiff`), L2:")[2].partition("## ")[0]
+    lines = re.findall(r"^\| ([a-z]\S+) \| (\S+e-.*) \|$", section, re.MULTILINE)
+    assert len(lines) == 5
+    for method, numbers in lines:
+        (line,) = re.findall(rf"^{re.escape(method)} +(.*)$", printed, re.MULTILINE)
+        made = [float(cell.partition("/")[0]) for cell in line.split()]
+        assert made == pytest.approx([float(number) for number in numbers.split(" | ")], rel=0.05), method
