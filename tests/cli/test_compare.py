@@ -118,6 +118,7 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     assert written.damping.ratios == pytest.approx(fitted[2:], rel=1e-11)
     assert Path(written.excitation.record.file).samefile("base.txt")
     text = file.read_text()
+    assert text.startswith("# equal.yaml with stiffness,damping fitted to first.yaml\n")
     assert all(comment in text for comment in ("# from the ground up\n", "# equal at first\n", "# d\n"))
     tdint("compare", file, *asked, "-o", tmp_path / "again", code=0)
     pairs = zip(*(rows(tmp_path / name / "comparison.csv") for name in ("again", "out")), strict=True)

@@ -62,6 +62,8 @@ stories: !!python/object:os.x [ls]
     1:32: stories[1]: must be a mapping with the keys <story keys>, got 'ls'
 stories: [{mass: 1, stiffness: 1}]¶name: ! x
     2:7: the tag ! is not allowed; write the value without it
+stories: [{mass: 1, height: 3,5, stiffness: 1}]
+    1:31: stories[1].5: unknown key; a comma divides entries here: write a decimal point
 x: &a {mass: 1}¶stories: [{<<: *a, stiffness: 1}]
     1:1: x: unknown key; known: <keys>
     2:12: stories[1].<<: merge keys are not supported; write the entries out

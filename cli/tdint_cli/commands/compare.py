@@ -211,7 +211,9 @@ def _write(
         files[request.file(SPECTRA)] = spectra.in_units(units).csv()
         if fitted:
             if text := rewritten(model, fitted.model, request.file(FITTED)):
-                files[request.file(FITTED)] = text.encode()
+                recorded = comparisons[0].event.recording.source
+                origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
+                files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
             else:
                 note(f"{model.source}: cannot be written with other numbers; the fitted values are in {FIT} alone")
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()

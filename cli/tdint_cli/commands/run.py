@@ -30,7 +30,7 @@ from tdint_cli.commands.many_runs import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.terminal import complain, note, say, warn
+from tdint_cli.terminal import complain, is_quiet, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
@@ -173,7 +173,8 @@ def _run(request: Request) -> None:
     if judged:
         say(judged[1])
     if response.collapse:
-        complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
+        whose = f"{response.model.name}: " * is_quiet()
+        complain(whose + _collapsed(response, response.collapse))  # It changes what the peaks mean.
     warn(*response.warnings)
     _remark(record, response.notes)
     if judged and request.require and not judged[0]:

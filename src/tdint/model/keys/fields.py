@@ -652,4 +652,6 @@ def quoted(text: str) -> str:
 
 
 def _advice(name: str, names: Collection[str]) -> str:
+    if name.isdecimal():  # {height: 3,5}
+        return "; a comma divides entries here: write a decimal point"
     return did_you_mean(name, names) or f"; known: {', '.join(names)}"
