@@ -146,7 +146,7 @@ def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, comma
         written.append({file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()})
     assert results[0] == results[1]
     assert results[0][0] == 4
-    typed, others = b'"-o",\n    "1/', b'"-o",\n    "3/'
+    typed, others = b'"-o", "1/', b'"-o", "3/'
     assert {name: data.replace(typed, others) for name, data in written[0].items()} == written[1]
 
 
