@@ -111,7 +111,11 @@ def test_record_replaces_the_models_record_and_its_component(folder, tdint):
     assert "other.mseed HNE" in scaled.stderr
     assert scaled.stdout == tdint("run", "shaken.yaml").stdout
     # The model names a component, which does not belong to the new record: it has to be chosen again.
-    check_error(tdint("run", "shaken.yaml", "--record", "motion.mseed"), 4, "several components, choose one: HNE, HNN")
+    check_error(
+        tdint("run", "shaken.yaml", "--record", "motion.mseed"),
+        4,
+        "several components, choose one by --component: HNE, HNN",
+    )
 
 
 def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder, tdint):

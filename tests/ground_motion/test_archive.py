@@ -46,7 +46,7 @@ def test_all_members_of_known_formats(path):
 
 def test_one_member(path):
     assert read_record(path, component="067").pga == pytest.approx(1.5 * 9.80665)
-    refused(path, "choose one: 067, HNZ, HNE")
+    refused(path, "choose one by `component`: 067, HNZ, HNE")
     refused(path, "no component 'X'", component="X")
 
 

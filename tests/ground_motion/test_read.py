@@ -171,7 +171,7 @@ def test_full_seed_volume():
 class TestComponents:
     def test_all_in_file_order(self, three):
         assert [(r.component, round(r.pga, 12)) for r in read_records(three)] == [("HNE", 1), ("HNN", 2), ("HNZ", 3)]
-        refused(three, "several components, choose one: HNE, HNN, HNZ")
+        refused(three, "several components, choose one by `component`: HNE, HNN, HNZ")
 
     @pytest.mark.parametrize("name", ["HNN", "hnn", " HNN ", "XX.ABC.00.HNN", "xx.abc.00.hnn", "N", "n"])
     def test_one(self, three, name):

@@ -150,7 +150,7 @@ def test_records_that_cannot_be(given, error, message):
 @pytest.mark.parametrize(
     ("part", "more", "error", "message"),
     [
-        (slice(None), {"units": "g"}, RecordError, "several components, choose one: HNE, HNN"),
+        (slice(None), {"units": "g"}, RecordError, "several components, choose one by `component`: HNE, HNN"),
         (slice(None), {"units": "g", "component": "Z"}, RecordError, "no component 'Z'"),
         (0, {}, RecordError, "units"),
         (0, {"units": "g", "dt": 0.01}, UsageError, "leave dt out"),

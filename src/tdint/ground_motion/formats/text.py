@@ -91,7 +91,7 @@ def table_in(data: bytes, layout: TextLayout) -> str:
     """What a file of unknown format has of a table, and what is to be told of it, in words; empty if it has none."""
     above, widths = _first_rows(BytesIO(data), layout)
     if len(widths) == 1:
-        return "one row of numbers; a record has two samples at least"
+        return "one row of numbers; a record has two samples at least: is the rest of the file missing?"
     if not _begins(widths):
         is_quoted = b'"' in data and _begins(_first_rows(BytesIO(data.replace(b'"', b"")), layout)[1])
         return "its numbers stand in quotation marks; write them without" if is_quoted else ""

@@ -325,9 +325,9 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
     # A table in a text that tells nothing of it can be read with what the user says.
     from tdint.ground_motion.formats.text import table_in
 
-    hint = f" ({table})" if (table := table_in(data, layout)) else ""
-    if layout and not hint:
-        hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
+    if table := table_in(data, layout):
+        raise RecordError(f"{source}: unknown format: {table}")
+    hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines" if layout else ""
     formats = ", ".join(plugin.name for plugin in plugins())
     raise RecordError(f"{source}: unknown format{hint}; those that are read: {formats}")
 

@@ -287,7 +287,7 @@ def make_record(
     if component is not None:
         components = [_choose(components, component, label)]
     elif len(components) > 1:
-        raise RecordError(f"{label}: there are several components, choose one: {_listed(components)}")
+        raise RecordError(f"{label}: there are several components, choose one by `component`: {_listed(components)}")
     return _to_record(components[0], _joined(components[0]), said, None)
 
 
@@ -398,7 +398,7 @@ def _components(
     if component is not None:
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
-        raise RecordError(f"{name}: the file has several components, choose one: {_listed(components)}")
+        raise RecordError(f"{name}: the file has several components, choose one by `component`: {_listed(components)}")
     traces = [_joined(member) for member in components]
     # Components of one file go together; those of an archive's other files need not.
     for part, _ in parts:
