@@ -143,6 +143,7 @@ def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
     before, at_peak = (2.0 * np.pi * np.sqrt(25.0 / k) for k in (3000.0, secant))
     told = f"first period {before:.4g} s (before the isolators yield; {at_peak:.4g} s with their secant stiffness"
     assert told in Path("block.html").read_text() and at_peak > 1.5 * before
+    assert "before the isolators yield" in tdint("modes", "block.yaml").stderr
 
 
 def test_what_is_unusual_is_as_meant(folder, tdint):

@@ -71,6 +71,8 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     )
     if modes.damping_ratios(matrix) is None:
         note("the damping couples the modes; each ratio is that of the mode moving alone")
+    if building.isolators:
+        note("these are before the isolators yield; `tdint run --report` has the period at their peak drift")
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
