@@ -213,7 +213,6 @@ def command(request: Request) -> None:
         else:
             chart, advice, left_out = _chart(request, model, record, progress)
             charts = [chart]
-    advice = advice if len(charts) == 1 else []  # for one building
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, charts, model, record, advice, notes)
     for chart in charts:
@@ -360,7 +359,9 @@ def _chart(
         from tdint.analysis.chart.work_precision import with_tolerances
 
         chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
-    advice = [] if _peaks_at_start(request, chart) else _advice(request, chart, problem)
+    # Advice is of one building, and where errors tell something
+    is_for_one = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
+    advice = _advice(request, chart, problem) if is_for_one else []
     left_out: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:

@@ -60,7 +60,7 @@ HALVINGS = 7
 """How often it is halved by default."""
 
 CHOOSING = ("moment4", "impulse4")
-"""Methods whose lines `with_tolerances` adds: the first chooses its steps on the way, the other by whole runs."""
+"""Methods whose lines `with_tolerances` adds."""
 
 BY_TOLERANCE = " by tolerance"
 """Behind the method in the name of such a line."""
