@@ -22,13 +22,14 @@ def output_units(buildings: Buildings) -> OutputUnits:
     return units.pop() if len(units) == 1 else SI
 
 
+def models_of(buildings: Buildings) -> list[Model]:
+    """The models of those that come from files; none of an inventory."""
+    return [given.made.model for given in different(buildings) if isinstance(given, GivenBuilding)]
+
+
 def model_files(buildings: Buildings) -> dict[str, str]:
     """SHA-256 of the model files that they come from, by name."""
-    texts = {
-        given.made.model.source: given.made.model.text
-        for given in different(buildings)
-        if isinstance(given, GivenBuilding)
-    }
+    texts = {model.source: model.text for model in models_of(buildings)}
     return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
 
@@ -37,8 +38,7 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     if not CODE:
         return {}
     methods = {f"method {building.method.partition(':')[0]}" for building in different(buildings)}
-    given = [building.made.model for building in different(buildings) if isinstance(building, GivenBuilding)]
-    return code_of(methods | {f"law {story.law.name}" for model in given for story in model.stories})
+    return code_of(methods | {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories})
 
 
 @dataclass(frozen=True)

@@ -360,12 +360,12 @@ def _reopened(part: _Part) -> Store:
 def _check_same(part: _Part, other: _Part) -> None:
     if part.about == other.about:
         return
-    with _reopened(part) as one, _reopened(other) as another:
-        lines = all_differences(
-            one.sides(), another.sides(), store=part.name, given=other.name, parts=bool(part.shards)
-        )
     if part.about["fingerprint"] == other.about["fingerprint"] and part.about["chunks"] == other.about["chunks"]:
         lines = "what the inventory carries along, or damage: differs; call `tdint campaign` for each of them again"
+    else:
+        with _reopened(part) as one, _reopened(other) as another:
+            sides = one.sides(), another.sides()
+            lines = all_differences(*sides, store=part.name, given=other.name, parts=bool(part.shards))
     raise UsageError(f"{part.name} and {other.name} are of different campaigns\n{lines}")
 
 

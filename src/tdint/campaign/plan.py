@@ -22,11 +22,11 @@ from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
 from tdint.campaign.buildings import (
     Buildings,
-    GivenBuilding,
     RowBuildings,
     Rules,
     different,
     given_buildings,
+    models_of,
 )
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
@@ -129,7 +129,7 @@ class Plan:
     @property
     def models(self) -> list[Model]:
         """The models of its buildings, where they come from files; none of an inventory."""
-        return [given.made.model for given in different(self.buildings) if isinstance(given, GivenBuilding)]
+        return models_of(self.buildings)
 
     @property
     def runs(self) -> int:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding, RowBuildings, different
+from tdint.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
@@ -272,7 +272,7 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
         A type has no states, or its buildings have not what the demand is made of.
     """
     # Models may say their states themselves; then all of them must.
-    models = [given.made.model for given in different(buildings) if isinstance(given, GivenBuilding)]
+    models = models_of(buildings)
     if request is None and not any(model.damage for model in models):
         return None
     # The states of a type are looked for once, by its first building.
