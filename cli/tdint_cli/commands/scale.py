@@ -303,11 +303,7 @@ def _aim(request: ScaleRequest) -> Any:
         target.at(periods)
     except UsageError as error:
         raise UsageError(f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT") from None
-    if target.damping is not None and abs(target.damping - request.damping) > 1e-9:
-        raise UsageError(
-            f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "
-            f"{100.0 * request.damping:g} %; say the same by --damping"
-        )
+    target.check_damping(request.damping, "of the records")
     if request.select is not None:
         return _selecting(request, target, periods)
     if request.rule == "asce7":

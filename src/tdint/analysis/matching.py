@@ -267,11 +267,7 @@ def _aim(target: TargetSpectrum | str, periods: tuple[float, float], damping: fl
     shortest, longest = periods
     if not 0.0 < shortest < longest < math.inf:
         raise UsageError(f"the range of periods must rise from a positive number, got {shortest:g} to {longest:g} s")
-    if aim.damping is not None and abs(aim.damping - damping) > 1e-9:
-        raise UsageError(
-            f"{aim.source}: is for {100.0 * aim.damping:g} % damping, the spectra of the motion for "
-            f"{100.0 * damping:g} %"
-        )
+    aim.check_damping(damping, "of the motion")
     checked = np.geomspace(shortest, longest, CHECKED)
     aim.at(checked)  # refused where it has no value
     return aim, checked

@@ -234,6 +234,20 @@ class TargetSpectrum:
             return self.formula_corner
         return float(2.0 * np.pi * np.max(self.psv) / np.max(self.psa))
 
+    def check_damping(self, damping: float, spectra: str) -> None:
+        """Refuse a damping ratio of some spectra (`of the motion`) that is not the one it is for.
+
+        Raises
+        ------
+        UsageError
+            They differ.
+        """
+        if self.damping is not None and abs(self.damping - damping) > _SAME:
+            raise UsageError(
+                f"{self.source}: is for {100.0 * self.damping:g} % damping, the spectra {spectra} for "
+                f"{100.0 * damping:g} %; give both the same (--damping)"
+            )
+
     def at(self, periods: ArrayLike) -> Array:
         """Its values at periods (s), m/s^2, shape (k,); a formula has them from 0 on, the peak ground acceleration.
 
