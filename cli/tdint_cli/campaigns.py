@@ -80,7 +80,6 @@ class SuiteRequest:
     output_units: OutputUnits | None
     plot: str | None
     report: str | None
-    report_head: tuple[tuple[str, str], ...] | None
     limit: float | None
     require: bool
     jobs: int | None
@@ -88,6 +87,7 @@ class SuiteRequest:
     baseline: str | None = None
     im: tuple[str, ...] | None = None
     by: str | None = None
+    report_head: tuple[tuple[str, str], ...] | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.

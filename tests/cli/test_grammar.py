@@ -22,6 +22,7 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
         ("spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1", 4, {"damping": [0.02, 0.05]}),
         ("spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2", 4, {"period_s": [0.2, 1.0]}),
         ("spectrum other.mseed --periods 0.5", 1, {"period_s": [0.5]}),
+        ("spectrum other.mseed --period 0.1:0.4:3,2", 4, {"period_s": [0.1, 0.2, 0.4, 2.0]}),
         # One amplitude after the other, the first one again at the end.
         ("law forced.yaml --drift 1%,20mm --drift 1% --points 1", 1 + 3 * 4, {}),
         (
@@ -257,7 +258,7 @@ def test_options_that_act_are_declared_so():
     """What acts on another option's work alone, by command: whoever adds such an option adds `needs`."""
     found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
     assert {
-        ("run", "--damping"), ("run", "--periods"), ("run", "--period"), ("run", "--every"), ("law", "--units"),
+        ("run", "--damping"), ("run", "--periods"), ("run", "--every"), ("law", "--units"),
         ("compare", "--blind"), ("compare", "--damping"), ("compare", "--periods"),
         ("init", "--year"), ("init", "--area"), ("spectrum", "--hardening"), ("spectrum", "--axes"),
         ("spectrum", "--against-column"), ("spectrum", "--against-interpolation"), ("scale", "--range"),

@@ -160,7 +160,6 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
     ("arguments", "message"),
     [
         (["--periods", "0.1:1"], "neither FIRST:LAST:COUNT"),
-        (["--periods", "0.1:1:5", "--period", "1"], "--periods and --period are given"),
         (["--period", "-1"], "--period"),
         (["--period", "inf"], "inf is not a finite number"),
         (["--damping", "1"], "--damping"),

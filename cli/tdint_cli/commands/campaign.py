@@ -10,7 +10,7 @@ import click
 from tdint.errors import UsageError
 from tdint.system import processors
 from tdint.units import OutputUnits
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, parse_head
 from tdint_cli import options
 from tdint_cli.campaigns import (
     LIMIT,
@@ -25,7 +25,7 @@ from tdint_cli.campaigns import (
     set_looks,
 )
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Mode, refuse_idle
+from tdint_cli.options.grammar import FileName, Mode, Written, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
 
 
@@ -74,7 +74,12 @@ class CampaignRequest(SuiteRequest):
         ".pdf, .svg), or alone as profiles.png into the folder."
     )
     report: str | None = options.output.report
-    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
+    report_head: tuple[tuple[str, str], ...] | None = options.output.option(
+        needs="--report",
+        type=Written("head", parse_head),
+        metavar="TEXT",
+        help="Lines at the top of the page, in place of `report` of the models: 'Project: Bridge 7; Author: A. B.'.",
+    )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
     limit: float | None = LIMIT

@@ -16,7 +16,7 @@ from tdint.output import figures
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Written, grid
+from tdint_cli.options.grammar import FileName, Written
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 
@@ -102,13 +102,7 @@ class Request:
         common=True,
         help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
     )
-    periods: Grid | None = options.spectra.option(
-        needs="-o or --plot",
-        type=grid(),
-        metavar="FIRST:LAST:COUNT",
-        common=True,
-        help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
-    )
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(PERIODS, needs="-o or --plot")
     output: str | None = options.output.output(
         "DIR|FILE.csv",
         f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the "
@@ -117,7 +111,6 @@ class Request:
     )
     plot: str | None = options.output.picture
     report: str | None = options.output.report
-    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
 
@@ -194,13 +187,11 @@ def _write(
     from tdint.model.config.model_file import rewritten
     from tdint.output.summary import comparison_summary
     from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
-    from tdint.written_numbers import parse_grid
 
     # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's interval and band leave
-    if request.periods:
-        periods = request.periods.values()
-    else:
-        event, every = comparisons[0].event, parse_grid(PERIODS).values()
+    periods = options.spectra.chosen_periods(request.periods, PERIODS)
+    if request.periods is None:
+        event, every = comparisons[0].event, periods
         low, high = event.recording.band or (0.0, float("inf"))
         periods = every[(every * high >= 1.0) & (every * low <= 1.0) & (every >= 2.0 * event.base.dt)]
         periods = periods if periods.size else every[-1:]
@@ -230,7 +221,7 @@ def _write(
             "blind": list(request.blind or ()),
             "require": dict(request.require or ()),
             "damping": request.damping,
-            "periods": str(request.periods) if request.periods else None,
+            "periods": options.spectra.periods_as_given(request.periods, PERIODS) if request.periods else None,
         }
         summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
@@ -259,7 +250,7 @@ def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | Non
         for item in comparisons
         for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     ]
-    told = Told(said, warnings, request.report_head or model.page_head, files_read(), verdict)
+    told = Told(said, warnings, model.page_head, files_read(), verdict)
     draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
     return comparison_page(comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units)
 

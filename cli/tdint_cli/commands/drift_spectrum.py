@@ -29,8 +29,7 @@ class DriftRequest(TablesRequest):
     """The command line of `tdint drift-spectrum`."""
 
     damping: tuple[float, ...] = options.spectra.damping()
-    periods: Grid | None = options.spectra.periods(DRIFT_PERIODS)
-    period: tuple[float, ...] | None = options.spectra.period()
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
     stories: int | None = options.spectra.option(
         type=click.IntRange(1), metavar="N", common=True, help="Number of stories, the same at all periods and heights."
     )

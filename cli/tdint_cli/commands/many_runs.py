@@ -119,7 +119,6 @@ class Request(BuildingRequest, SuiteRequest):
         f"their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
     )
     report: str | None = options.output.report
-    report_head: tuple[tuple[str, str], ...] | None = options.output.report_head
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
     check: bool | None = options.analysis.option(

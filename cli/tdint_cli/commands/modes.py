@@ -100,8 +100,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         from tdint.output.summary import files_read
 
         shown = outputs.page_units(model)
-        said, head = [_peak_words(result, page_units(shown)), f"{noted[0].upper()}{noted[1:]}."], outputs.head
-        return modal_page(result, Told(said, warnings, head or model.page_head, files_read()), shown)
+        said = [_peak_words(result, page_units(shown)), f"{noted[0].upper()}{noted[1:]}."]
+        return modal_page(result, Told(said, warnings, model.page_head, files_read()), shown)
 
     modes = tables.buildings.modal_share_table(result).in_units(units)
     outputs.deliver(

@@ -112,7 +112,7 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], outputs: Outp
             (False if made.notes else None, ". ".join([roof, *(note.partition(": ")[2] for note in made.notes)]))
         )
     said = [*_words(result, shown).splitlines(), *(_reached(made, shown) for made in reached)]
-    told = Told(said, (), outputs.head or result.model.page_head, files_read(), verdict)
+    told = Told(said, (), result.model.page_head, files_read(), verdict)
     return pushover_page(result, reached, told, units)
 
 

@@ -288,7 +288,7 @@ def _files(
             said=_paragraph(response, page, page=True).splitlines(),
             verdict=[verdict],
             warnings=[*warnings, *response.warnings],
-            head=request.report_head or model.page_head,
+            head=model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),
         )
         floors = request.of_floors.of_run(response)

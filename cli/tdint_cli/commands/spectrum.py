@@ -74,7 +74,6 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
     kind.check(request)
     request.check_plot()
-    _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
     sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
     files_of = kind.gather(request, sources.files)
@@ -278,7 +277,7 @@ def _write_target(request: SpectrumRequest) -> None:
         raise UsageError("-o is the file of one table here, not a folder")
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     # Periods that were asked for, else the target's own; a formula has a value at 0, too.
-    if request.period or request.periods is not None:
+    if request.periods is not None:
         periods = request.chosen_periods(PERIODS)
         if min(periods) <= 0.0 and target.curve is None:
             raise UsageError("--period 0: a target given as a table has positive periods")

@@ -47,7 +47,7 @@ AXES = options.output.option(
     "scales of the other two (tripartite), or PSA over SD (adrs).",
 )
 
-_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units", "history")
+_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "output_units", "history")
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,7 @@ class TablesRequest(RecordsRequest):
     """What the command lines have in common that make a table over the period of each record."""
 
     damping: tuple[float, ...]
-    periods: Grid | None
-    period: tuple[float, ...] | None
+    periods: tuple[float | Grid, ...] | None
     output: str | None
     plot: str | None
     jobs: int
@@ -132,19 +131,11 @@ class TablesRequest(RecordsRequest):
     def settings(self, default_periods: str) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
         settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
-        return settings | {"periods": list(self.period or ()) or str(self.periods or default_periods)}
+        return settings | {"periods": options.spectra.periods_as_given(self.periods, default_periods)}
 
     def chosen_periods(self, default: str) -> NDArray[np.float64]:
-        """The periods, s.
-
-        Raises
-        ------
-        UsageError
-            They are given in two ways, or their text is wrong.
-        """
-        if self.periods is not None and self.period:
-            raise UsageError("--periods and --period are given; leave one of them out")
-        return options.spectra.chosen_periods(self.periods, self.period, default)
+        """The periods, s."""
+        return options.spectra.chosen_periods(self.periods, default)
 
 
 def _bandwidth(text: str) -> float:
@@ -161,8 +152,9 @@ class SpectrumRequest(TablesRequest):
     """The command line of `tdint spectrum`."""
 
     damping: tuple[float, ...] = options.spectra.damping()
-    periods: Grid | None = options.spectra.periods(PERIODS)
-    period: tuple[float, ...] | None = options.spectra.period(" 0 gives the peak ground acceleration.")
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
+        PERIODS, " 0 gives the peak ground acceleration."
+    )
     method: str | None = options.analysis.method
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),
@@ -314,12 +306,12 @@ class SpectrumRequest(TablesRequest):
 
 # ---- Spectrum kinds
 
-_PERIODS = NAMES | {"damping", "periods", "period", "plot"}
+_PERIODS = NAMES | {"damping", "periods", "plot"}
 """What all spectra of records over the period take."""
 
 TARGET = Mode(
     "without RECORD",
-    frozenset(("target", "periods", "period", "plot")),
+    frozenset(("target", "periods", "plot")),
     {"damping": "a design spectrum takes it by name: ec8:...,damping=2%"},
 )
 """A target spectrum alone."""
@@ -341,7 +333,7 @@ class _OfOscillators(Kind):
                 f"its samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
             )
         # A grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio
-        if not request.period and request.periods is None:
+        if request.periods is None:
             apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
             if apart > damping * (1.0 + 1e-9):
                 remarks.append(
@@ -530,14 +522,13 @@ class Against(Kind):
         from tdint.analysis.spectra.target import differences
 
         log_log = request.against_interpolation is not None
-        of_user = request.periods is not None or bool(request.period)
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
             # A published spectrum is of one damping ratio: each is held beside its own.
             published = request.published(ratio)
             of_ratio = replace(request, damping=(ratio,))
-            if not of_user:
-                of_ratio = replace(of_ratio, period=tuple(published.periods.tolist()))
+            if request.periods is None:
+                of_ratio = replace(of_ratio, periods=tuple(published.periods.tolist()))
             lines += differences(Elastic().compute(of_ratio, records).lines, published, log_log)
         notes = []
         for line in lines:

@@ -17,10 +17,9 @@ from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
 from tdint.files import STDIN, keep_input
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import parse_head
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, OutputUnitsType, Written
+from tdint_cli.options.grammar import FileName, OutputUnitsType
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
@@ -157,14 +156,6 @@ report = option(
     help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
     "that needs no network and prints on A4.",
 )
-report_head = option(
-    "--report-head",
-    needs="--report",
-    type=Written("head", parse_head),
-    metavar="TEXT",
-    help="Lines at the top of the page, in place of the model's `report`: 'Project: Bridge 7; Author: A. B.; Date: "
-    "2026-01-31'.",
-)
 overwrite = option("--overwrite", is_flag=True, common=True, help="Replace existing outputs.")
 jobs = grammar.option(
     "--jobs",
@@ -199,7 +190,6 @@ class Outputs:
     overwrite: bool
     units: OutputUnits | None = None
     report: Path | None = None
-    head: tuple[tuple[str, str], ...] = ()
 
     @property
     def files(self) -> list[Path]:
@@ -215,7 +205,6 @@ class Outputs:
         *,
         units: OutputUnits | None = None,
         report: str | None = None,
-        head: tuple[tuple[str, str], ...] = (),
     ) -> Outputs:
         """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
         the table.
@@ -238,7 +227,7 @@ class Outputs:
         picture = picture_file(plot, table)
         # Files before the picture's format: that loads matplotlib.
         page = Path(report) if report else None
-        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units, page, head)
+        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units, page)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             check_picture(outputs.picture)
@@ -305,7 +294,7 @@ def to_files(
     def declared(command: Function) -> Function:
         @functools.wraps(command)
         def collected(**given: Any) -> Any:
-            names = ("output", "plot", "overwrite", "output_units", "report", "report_head")
+            names = ("output", "plot", "overwrite", "output_units", "report")
             asked = {name: given.pop(name, None) for name in names}
             outputs = Outputs.checked(
                 asked["output"],
@@ -313,12 +302,11 @@ def to_files(
                 bool(asked["overwrite"]),
                 units=asked["output_units"],
                 report=asked["report"],
-                head=asked["report_head"] or (),
             )
             return command(**given, outputs=outputs)
 
         plots = () if picture is None else (plot(picture),)
-        pages = (report, report_head) if page else ()
+        pages = (report,) if page else ()
         declarations = (output(text=text), *plots, *pages, *more, *((units,) if in_units else ()), overwrite)
         return grammar.with_options(declarations, cast(Function, collected))
 
@@ -335,7 +323,7 @@ def provenance(
     told = told or {}
     if "schema" not in told:
         context = click.get_current_context()
-        left_out = ("output", "plot", "report", "report_head", "overwrite", "jobs", "output_units")
+        left_out = ("output", "plot", "report", "overwrite", "jobs", "output_units")
         settings = {name: _plain(value) for name, value in context.params.items() if name not in left_out}
         summary = table_summary(str(context.info_name), settings, [], meanings)
         del summary["records"]

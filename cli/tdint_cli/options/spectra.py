@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -70,38 +70,43 @@ def damping(needs: str = "") -> grammar.Declaration:
     )
 
 
-def periods(default: str, needs: str = "") -> grammar.Declaration:
-    """The option --periods."""
-    return option(
-        "--periods",
-        type=grid(),
-        common=not needs,
-        needs=needs,
-        metavar="FIRST:LAST:COUNT",
-        help=f"Periods in equal ratios, s; {default} by default, both ends included.",
-    )
+class _Periods(Number):
+    """A period, or a grid of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and ":" in value:
+            return grid().read(value)
+        return super().convert(value, param, ctx)
 
 
-def period(zero: str = "", needs: str = "") -> grammar.Declaration:
+def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaration:
     """The option --period; `zero` says what a period of 0 gives, if it may be asked for."""
     return option(
         "--period",
-        type=Number(0.0, min_open=not zero),
+        "--periods",
+        type=_Periods(0.0, min_open=not zero),
         many=True,
         common=not needs,
         needs=needs,
-        metavar="SECONDS,...",
-        help=f"Single periods; in place of --periods.{zero}",
+        metavar="SECONDS|FIRST:LAST:COUNT,...",
+        help=f"Periods, or so many in equal ratios, both ends included; {default} by default.{zero}",
     )
 
 
-def chosen_periods(grid: Grid | None, single: tuple[float, ...] | None, default: str) -> NDArray[np.float64]:
-    """The periods of --period, of --periods, or those of the default, s."""
+def chosen_periods(given: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
+    """The periods of --period, or those of the default, s."""
     import numpy as np
 
     from tdint.written_numbers import parse_grid
 
-    return np.array(single) if single else (grid or parse_grid(default)).values()
+    parts = given or [parse_grid(default)]
+    return np.hstack([part if isinstance(part, float) else part.values() for part in parts])
+
+
+def periods_as_given(given: Iterable[float | Grid] | None, default: str) -> list[float | str] | str:
+    """The same as text, for a JSON file: a grid as it is written, several periods as a list."""
+    parts = [part if isinstance(part, float) else str(part) for part in given or (default,)]
+    return parts[0] if len(parts) == 1 and isinstance(parts[0], str) else parts
 
 
 export_floors = output.option(
@@ -127,15 +132,14 @@ class FloorRequest:
         f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
     )
     damping: tuple[float, ...] = damping(_NEEDS)
-    periods: Grid | None = periods(PERIODS, _NEEDS)
-    period: tuple[float, ...] | None = period(" 0 gives the largest acceleration of the floor at the steps.", _NEEDS)
+    periods: tuple[float | Grid, ...] | None = periods(
+        PERIODS, " 0 gives the largest acceleration of the floor at the steps.", _NEEDS
+    )
 
     def check(self, folder: str | None, export: str | None = None) -> None:
-        """Raise UsageError for files, of spectra or motions, without a folder, and periods given in two ways."""
+        """Raise UsageError for files, of spectra or motions, without a folder."""
         if (self.floors or export) and not folder:
             raise UsageError(f"{_NEEDS if self.floors else '--export-floors'} writes a file: add -o DIR")
-        if self.periods and self.period:
-            raise UsageError("--periods and --period are given; leave one of them out")
 
     def chosen_floors(self, stories: int) -> tuple[int, ...]:
         """The floors whose spectra are asked for; UsageError if the building has no such floor."""
@@ -147,7 +151,7 @@ class FloorRequest:
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
-        return chosen_periods(self.periods, self.period, PERIODS)
+        return chosen_periods(self.periods, PERIODS)
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
