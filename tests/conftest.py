@@ -12,10 +12,7 @@ import platformdirs
 import pytest
 from hypothesis import settings
 
-# The tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that they
-# need. What a scene alone would get is tested in tests/kernels/test_variants.py. In the user's cache they would serve
-# in place of what his buildings would get, so they are kept beside it: by hashes of their sources, for all clones.
-os.environ.setdefault("TDINT_KERNELS", "whole")
+# Loops lie beside the cache of the user, whose own they would replace: by hashes of their sources, for all clones.
 os.environ.setdefault("TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False)))
 
 # A run is compiled before it, whatever has been compiled.
@@ -40,10 +37,17 @@ if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Side by side, each process has the files of its half of the suite, whose fixtures are then made once.
+    """Before anything of ours is imported.
 
-    The one that is done first takes tests from the other's end.
+    Most tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that
+    they need (what a scene alone would get is tested in tests/kernels/test_variants.py); a test that is named, and a
+    file of tests of commands, needs a few scenes alone.
+
+    Side by side, each process has the files of its half of the suite, whose fixtures are then made once. The one that
+    is done first takes tests from the other's end.
     """
+    of_scenes = _few(config) and all("::" in argument or "/cli/" in argument for argument in map(str, config.args))
+    os.environ.setdefault("TDINT_KERNELS", "" if of_scenes else "whole")
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
 
