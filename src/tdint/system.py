@@ -147,9 +147,15 @@ def cache_home() -> Path | None:
     """TDINT_CACHE_DIR, else the platform's folder for caches; None for a user without a home."""
     if chosen := os.environ.get("TDINT_CACHE_DIR"):
         return Path(chosen)
-    import platformdirs
+    if sys.platform == "linux":  # as platformdirs has it, without its import
+        base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        with suppress(RuntimeError):  # nobody's home
+            base = base if base.is_absolute() else Path("~/.cache").expanduser()
+        home = base / "tdint"
+    else:
+        import platformdirs
 
-    home = platformdirs.user_cache_path("tdint", appauthor=False)
+        home = platformdirs.user_cache_path("tdint", appauthor=False)
     return home if home.is_absolute() else None
 
 

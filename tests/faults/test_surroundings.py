@@ -3,9 +3,11 @@
 import os
 import stat
 
+import platformdirs
 import pytest
 from click.testing import CliRunner
 
+from tdint.system import cache_home
 from tdint_cli.main import cli
 
 TRAP = "open('trapped', 'w').close()\nraise SystemExit('trapped')\n"
@@ -69,3 +71,15 @@ def test_a_cache_of_others_is_not_used(folder, start, owner):
     assert code == 0, words
     assert not [path for path in cache.rglob("*") if path.is_file()]
     assert owner == "everyone" or not cache.stat().st_mode & stat.S_IWOTH
+
+
+@pytest.mark.parametrize("chosen", [None, "", "relative", "/somewhere/else"])
+def test_the_cache_is_where_the_platform_has_it(monkeypatch, chosen):
+    """On Linux without the import of platformdirs, which is to say the same."""
+    monkeypatch.delenv("TDINT_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if chosen is not None:
+        monkeypatch.setenv("XDG_CACHE_HOME", chosen)
+    if chosen != "relative":  # passed over by the specification, taken by older platformdirs
+        assert cache_home() == platformdirs.user_cache_path("tdint", appauthor=False)
+    assert cache_home().is_absolute()

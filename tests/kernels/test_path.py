@@ -13,7 +13,17 @@ from tdint.kernels import layout as at
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
-from tdint.kernels.stories.path import PATH_ROWS, arrive, follow, keep_to_branch, stays, turns
+from tdint.kernels.stories.path import (
+    MOST_POINTS,
+    NODES,
+    PATH_ROWS,
+    WEIGHTS,
+    arrive,
+    follow,
+    keep_to_branch,
+    stays,
+    turns,
+)
 
 LAWS = {law.name: law for law in COMPILED}
 DY = FY / K
@@ -231,3 +241,11 @@ def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_jou
     counts = name in ("imk", "multilinear-pinching")  # they degrade at each turn
     assert (largest > 1e-3) == counts, largest
     assert counts or largest < 1e-5
+
+
+@pytest.mark.parametrize("points", range(1, MOST_POINTS + 1))
+def test_the_table_holds_the_rules_of_gauss_and_legendre(points):
+    x, w = np.polynomial.legendre.leggauss(points)
+    np.testing.assert_allclose(NODES[points, :points], 0.5 * (x + 1.0), atol=4e-16)
+    np.testing.assert_allclose(WEIGHTS[points, :points], 0.5 * w, rtol=4e-14)
+    assert not NODES[points, points:].any() and not WEIGHTS[points, points:].any()

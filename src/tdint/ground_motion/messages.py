@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -124,8 +123,10 @@ def _printed_by_c() -> Iterator[list[str]]:
 
 def _spool() -> IO[bytes]:
     """A file without a name; in memory where there is no folder for temporary files."""
+    from tempfile import TemporaryFile  # for formats that need the guard alone
+
     try:
-        return tempfile.TemporaryFile()
+        return TemporaryFile()
     except OSError:
         return unnamed_file()
 

@@ -13,7 +13,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined, kernel
@@ -114,6 +113,8 @@ def imaginary_limit(a: Table) -> float:
 
     R(z) = 1 + sum of b A^k 1 z^(k+1).
     """
+    from numpy.polynomial import Polynomial  # for this alone
+
     s = len(a)
     matrix = np.zeros((s, s))
     for i, row in enumerate(a[:-1], start=1):

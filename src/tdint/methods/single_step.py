@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +151,8 @@ def collocation_theta(beta: float) -> float:
     and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for 0.20). Bisected, ending above, in fractions: their
     sign is exact, so no rounding and no library decides on which side the roots meet.
     """
+    from fractions import Fraction  # for this alone
+
     low, high = Fraction(1), Fraction(2)
     for _ in range(60):
         theta = (low + high) / 2

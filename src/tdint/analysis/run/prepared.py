@@ -40,11 +40,7 @@ from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.march import END_COLUMNS, many, march
 from tdint.kernels.march.observing import begin, raise_shears, take_stock
-from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
-from tdint.kernels.oscillators.extremes import extremes, radii
-from tdint.kernels.oscillators.modal_sums import largest_drifts
-from tdint.kernels.oscillators.rotated import rotated_peaks
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.law_state import follow
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
@@ -608,6 +604,12 @@ def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], ste
 
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
+    # What a run does without
+    from tdint.kernels.oscillators.bilinear import bilinear_response
+    from tdint.kernels.oscillators.extremes import extremes, radii
+    from tdint.kernels.oscillators.modal_sums import largest_drifts
+    from tdint.kernels.oscillators.rotated import rotated_peaks
+
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
     others = (many, follow, peaks, extremes, radii, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]

@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-import zipfile
 from collections.abc import Iterable, Iterator
 from functools import cache
 from io import BytesIO
@@ -31,6 +30,7 @@ from tdint.ground_motion.record import Input
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
+    from zipfile import ZipFile, ZipInfo
 
 LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
@@ -132,6 +132,8 @@ def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
 
 
 def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
+    import zipfile  # of archives alone
+
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             files = []
@@ -157,7 +159,7 @@ def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterato
         raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
 
 
-def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, budget: list[int]) -> bytes:
+def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> bytes:
     if info.flag_bits & 1:
         raise RecordError(f"{name}: is encrypted; unpack the archive first")
     content = bytearray()

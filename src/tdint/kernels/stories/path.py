@@ -14,6 +14,7 @@ way to the turning point and back from there.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -51,12 +52,17 @@ _ENOUGH = 32e3  # points on any path: where an iteration runs away, laws would a
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points."""
+    """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points.
+
+    Of a table, so that they are the same numbers on all machines, and at once: on [-1, 1] by NumPy's `leggauss`, which
+    asks LAPACK; a line holds the nodes of a rule and its weights.
+    """
     nodes = np.zeros((MOST_POINTS + 1, MOST_POINTS))
     weights = np.zeros_like(nodes)
-    for n in range(1, MOST_POINTS + 1):
-        x, w = np.polynomial.legendre.leggauss(n)
-        nodes[n, :n], weights[n, :n] = 0.5 * (x + 1.0), 0.5 * w
+    lines = Path(__file__).with_name("gauss_legendre.txt").read_text(encoding="ascii").splitlines()
+    for n, line in enumerate(lines, 1):
+        numbers = np.array(list(map(float, line.split())))
+        nodes[n, :n], weights[n, :n] = 0.5 * (numbers[:n] + 1.0), 0.5 * numbers[n:]
     return nodes, weights
 
 
