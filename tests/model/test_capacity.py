@@ -68,7 +68,7 @@ def test_curves_of_two_and_three_points():
     assert made.forces[0] / 9810.0 == pytest.approx([0.15, 0.15 + 0.05 / 3, 0.15 + 0.1 / 3, 0.2])
     made = derive_capacity(CapacityFacts(THREE, 1))
     assert made.drifts[0] == pytest.approx([0.01, 0.03, 0.075, 0.12])
-    assert (TWO.yielding, THREE.yielding) == (0.02, 0.03)
+    assert (TWO.damage_begins, THREE.damage_begins) == (0.02, 0.03)
 
 
 def test_mass_and_damping():

@@ -31,7 +31,8 @@ from tdint.ground_motion.record import JoinedRecord, Record
 # run, and one for each story if that is asked for
 
 REPEATS = 3
-"""How often a run that diverged or did not converge is repeated, each time with half of the step before."""
+"""How often a run that diverged or did not converge is repeated, each time with half of the step before; in each of
+them single steps are halved, too (`tdint.analysis.run.workspace.HALVINGS`)."""
 
 
 @dataclass(frozen=True)
@@ -428,7 +429,7 @@ class Batch:
         return again
 
     def _row(self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any) -> RunRow:
-        """The row of a run; without values of one without a result."""
+        """The row of a run; of one without a result its step, status, PGA, Sa(T1) and repeats alone."""
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)

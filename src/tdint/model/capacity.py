@@ -73,10 +73,10 @@ class CapacityCurve:
         return 2.0 * math.pi * math.sqrt(self.displacement[0] / (self.acceleration[0] * GRAVITY))
 
     @property
-    def yielding(self) -> float:
+    def damage_begins(self) -> float:
         """Displacement from which damage is counted, m: of three or four points the second, of two the first.
 
-        The stories of a model yield at the first point (`CapacityBuilding.stories`).
+        The stories of a model yield at the first point (`derive_capacity`).
         """
         return self.displacement[0 if len(self.displacement) == 2 else 1]
 

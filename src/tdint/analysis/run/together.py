@@ -152,7 +152,7 @@ class Outcomes:
         values = {quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY}
         return StoryPeaks(height=self.stories.height, **values)
 
-    def settle(self, i: int, attempt: Callable[[], Settled]) -> None:
+    def replace(self, i: int, attempt: Callable[[], Settled]) -> None:
         """Replace what is known of a run by what comes of it by itself."""
         try:
             settled, at_rest = attempt()
@@ -211,12 +211,12 @@ def run_together(
     if check or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(prepared.building, MarchedRuns.empty(len(runs), prepared.building.stories), to_rest)
         for i, (_, _, steps) in enumerate(runs):
-            outcomes.settle(i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history))
+            outcomes.replace(i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history))
         return outcomes
     marched = march() if march else subject.march_many(motions, runs, windows(prepared, h) if to_rest else None)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
     for i in np.flatnonzero(doubtful(marched)).tolist():
-        outcomes.settle(i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history))
+        outcomes.replace(i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history))
     return outcomes
 
 
@@ -248,7 +248,7 @@ def run_drawn(
     for i in np.flatnonzero(doubtful(marched)).tolist():
         d, (number, scale, steps) = runs[i]
         case = subjects[d]().case(motions.records[number], scale)
-        outcomes.settle(i, partial(_judged, case, steps, marched, i, to_rest=False, history=False))
+        outcomes.replace(i, partial(_judged, case, steps, marched, i, to_rest=False, history=False))
     return outcomes
 
 

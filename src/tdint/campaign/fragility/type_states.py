@@ -314,7 +314,7 @@ def type_of(facts: BuildingFacts | CapacityFacts) -> str:
 def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
     """Spectral displacements of four damage states from a capacity curve, m, as GEM's toolkit of single-degree
     buildings has them: from yielding to the end of the curve."""
-    first, last = facts.curve.yielding, facts.curve.displacement[-1]
+    first, last = facts.curve.damage_begins, facts.curve.displacement[-1]
     return 0.75 * first, 0.5 * first + 0.33 * last, 0.25 * first + 0.67 * last, last
 
 
