@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -62,10 +63,6 @@ def _straight(record: Record, shortest: float) -> tuple[Array, float]:
     return record.acceleration.copy(), record.dt
 
 
-def _straight_peak(record: Record) -> float:
-    return record.pga
-
-
 def _band_limited(record: Record, shortest: float) -> tuple[Array, float]:
     parts = _POINTS * math.ceil(max(1.0, record.dt / shortest))
     return band_limited(record.acceleration, parts, for_lines=True), record.dt / parts
@@ -107,7 +104,7 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     return parts * np.fft.irfft(spectrum, size * parts)[: (samples.size - 1) * parts + 1]
 
 
-LINEAR = Interpolation("linear", _straight, _straight_peak, "straight lines")
+LINEAR = Interpolation("linear", _straight, attrgetter("pga"), "straight lines")
 BAND_LIMITED = Interpolation(
     "band-limited", _band_limited, _band_limited_peak, "free of frequencies above half its sampling rate"
 )

@@ -333,12 +333,11 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
+    offers: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
+    if layout:
+        offers += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
     with caught_messages():
-        plugin_of_data = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
-        if plugin_of_data is None and layout:
-            tables = (plugin for plugin in plugins() if plugin.name == TABLES)
-            plugin_of_data = next((plugin for plugin in tables if _accepts(plugin, data, layout=layout)), None)
-    return plugin_of_data
+        return next((plugin for plugin, said in offers if _accepts(plugin, data, **said)), None)
 
 
 def _accepts(plugin: Plugin, data: bytes, **said: Any) -> bool:
