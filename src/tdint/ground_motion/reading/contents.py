@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.data import dataclass
 from tdint.errors import RecordError
-from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.files import MOST_BYTES, note_input, read_whole
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
@@ -82,27 +82,21 @@ def read_bytes(source: str | Path) -> bytes:
     RecordError
         The file is missing, no file, not readable, empty, or larger than 256 MiB.
     """
-    try:
-        content = read_at_most(source, LARGEST, RecordError)
-    except FileNotFoundError:
-        # What the user may have meant by a name that is no file.
-        hint = ""
-        if "://" in str(source):
-            hint = "; addresses are not fetched, download the record first"
-        elif any(sign in str(source) for sign in "*?["):
-            hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
-        raise RecordError(f"{source}: there is no such file{hint}") from None
-    except IsADirectoryError:
-        raise RecordError(f"{source}: is a directory; name the record's file in it") from None
-    except PermissionError:
-        raise RecordError(f"{source}: no permission to read the file") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the name again
-        raise RecordError(f"{source}: cannot be read: {reason}") from error
+    # What the user may have meant by a name that is no file.
+    hint = ""
+    if "://" in str(source):
+        hint = "; addresses are not fetched, download the record first"
+    elif any(sign in str(source) for sign in "*?["):
+        hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+    told: dict[type[Exception], str] = {
+        FileNotFoundError: f"there is no such file{hint}",
+        IsADirectoryError: "is a directory; name the record's file in it",
+        PermissionError: "no permission to read the file",
+    }
+    large = "the file is larger than 256 MiB; cut the event out of it first"
+    content = read_whole(source, RecordError, told, large, LARGEST)
     if not content:
         raise RecordError(f"{source}: the file is empty")
-    if len(content) > LARGEST:
-        raise RecordError(f"{source}: the file is larger than 256 MiB; cut the event out of it first")
     return content
 
 

@@ -31,7 +31,7 @@ from tdint.model.keys.fields import (
     Words,
     numbered,
 )
-from tdint.units import parse_units
+from tdint.units import parse_with_unit
 
 # ---- The `units` of a model file, and those of the samples of a record that a file names
 
@@ -266,25 +266,7 @@ def threshold_of(value: Value, demand: str) -> float:
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
-    return value.parsed(lambda text: threshold_in(text, demand)) or math.nan
-
-
-def threshold_in(text: str, demand: str) -> float:
-    """A number with its unit as a threshold in SI units.
-
-    Raises
-    ------
-    UsageError
-        It is none.
-    """
-    quantity, example = _UNITS[DEMANDS[demand].unit]
-    try:
-        units = parse_units(text)
-    except UsageError:
-        units = None
-    if units is None or not units.has_factor or units.quantity != quantity:
-        raise UsageError(f"must be a number with its unit, such as {example}, got {text[:40]!r}")
-    return units.scale
+    return value.parsed(lambda text: parse_with_unit(text, *_UNITS[unit])) or math.nan
 
 
 def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
