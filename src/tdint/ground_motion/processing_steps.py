@@ -217,17 +217,15 @@ def processed(record: Record, steps: Processing) -> Record:
     RecordError
         A step does not fit the record.
     """
-    corners = steps.corners or CORNERS
     if steps.trim is not None:
         record = trim(record, *steps.trim)
     if steps.baseline is not None:
         record = remove_baseline(record, steps.baseline)
     if steps.pad is not None:
         record = pad(record, *steps.pad)
-    if steps.highpass is not None:
-        record = butterworth(record, "highpass", steps.highpass, corners)
-    if steps.lowpass is not None:
-        record = butterworth(record, "lowpass", steps.lowpass, corners)
+    for kind, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
+        if corner is not None:
+            record = butterworth(record, kind, corner, steps.corners or CORNERS)
     if steps.resample is not None:
         record = resample(record, steps.resample)
     return record

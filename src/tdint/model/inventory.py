@@ -224,10 +224,7 @@ class _Table:
             sound = np.array([bool(name) and count[name] == 1 for name in ids])
         sound[list(self.overfull)] = False
         for name in self.numbers.keys() & _NUMBERS.keys():
-            values, bounds = self.numbers[name], _NUMBERS[name]
-            right = (values >= bounds.low if bounds.low_allowed else values > bounds.low) & (
-                values <= bounds.high if bounds.high_allowed else values < bounds.high
-            )
+            right = _NUMBERS[name].allow(self.numbers[name])
             # A number that may be left out is none where nothing stands.
             if name not in NEEDED and not right.all():
                 right |= np.array([not text for text in self.columns[self.places[name]]])

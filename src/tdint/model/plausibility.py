@@ -120,14 +120,8 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     if model.as_meant:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
-    told = []
-    for bound, value in (
-        (PERIOD, 2.0 * math.pi / omega),
-        (DAMPING, damping),
-        (COLLAPSE, model.collapse_drift),
-    ):
-        if not bound.holds(value):
-            told.append(bound.told(bound.text(value)))
+    judged = ((PERIOD, 2.0 * math.pi / omega), (DAMPING, damping), (COLLAPSE, model.collapse_drift))
+    told = [bound.told(bound.text(value)) for bound, value in judged if not bound.holds(value)]
     told += doubt_of_peak(pga)
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]

@@ -202,25 +202,23 @@ class _Composer:
         if depth > MAX_DEPTH:
             raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        place = _event_place(event)
         if event.tag is not None:
-            message = f"the tag {_short(event.tag)} is not allowed; write the value without it"
-            self._faults.add(_event_place(event), "", message)
+            self._faults.add(place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it")
         if event.anchor is not None:
             self._anchors[event.anchor] = None  # not complete yet: an alias inside it would never end
-        node = self._content(event, depth)
+        node: Node
+        if isinstance(event, yaml.ScalarEvent):
+            node = ScalarNode(place.line, place.column, event.value, plain=not event.style)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
+        else:
+            children = self._children(yaml.MappingEndEvent, depth)
+            # zip draws key and value in turn from the one iterator.
+            node = MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         return node
-
-    def _content(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent, depth: int) -> Node:
-        place = _event_place(event)
-        if isinstance(event, yaml.ScalarEvent):
-            return ScalarNode(place.line, place.column, event.value, plain=not event.style)
-        if isinstance(event, yaml.SequenceStartEvent):
-            return ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
-        children = self._children(yaml.MappingEndEvent, depth)
-        # zip draws key and value in turn from the one iterator.
-        return MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
 
     def _children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
         while not isinstance(event := self._next(), end):

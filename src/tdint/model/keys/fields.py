@@ -47,11 +47,11 @@ class Bounds:
     high_allowed: bool = True
     ratio: bool = False
 
-    def allow(self, number: float) -> bool:
-        """Whether `number` lies in the bounds."""
+    def allow(self, number: Any) -> Any:
+        """Whether `number`, or each of an array, lies in the bounds."""
         above = number >= self.low if self.low_allowed else number > self.low
         below = number <= self.high if self.high_allowed else number < self.high
-        return above and below
+        return above & below
 
     def __str__(self) -> str:
         if self.low == 0.0 and self.high == math.inf:
