@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_whole
-from tdint.written_numbers import LARGEST, SMALLEST, how_many
+from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
@@ -174,10 +174,7 @@ def no_number(text: str, expected: str) -> str:
 
 def _float(text: str) -> float:
     """As Python writes numbers, but for its underscores and other alphabets' digits; nan for words."""
-    try:
-        return float(text) if text.isascii() and "_" not in text else math.nan
-    except ValueError:
-        return math.nan
+    return number_or_nan(text) if text.isascii() and "_" not in text else math.nan
 
 
 def read_table(

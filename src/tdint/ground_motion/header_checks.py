@@ -12,16 +12,7 @@ import numpy as np
 
 from tdint.data import dataclass
 from tdint.ground_motion import miniseed_checks
-from tdint.ground_motion.miniseed_checks import (
-    CHECKSUM,
-    LENGTH,
-    PEAK,
-    SAMPLES,
-    Damaged,
-    Statement,
-    check_step,
-    compare,
-)
+from tdint.ground_motion.miniseed_checks import CHECKSUM, LENGTH, PEAK, SAMPLES, Damaged, Statement, check_step, compare
 from tdint.written_numbers import how_many
 
 # SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.

@@ -263,12 +263,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     if not curves or stories.size != sum(part.shape[1] for part in curves.values()):
         raise ModelError(f"{source}: story: numbers from 1 at the ground are needed")
     for story, (drifts, shears) in curves.items():
-        if (
-            drifts.size < _FEWEST
-            or np.any(np.diff(drifts) < 0.0)
-            or drifts[0] < 0.0
-            or np.max(shears, initial=0.0) <= 0
-        ):
+        grows = drifts.size >= _FEWEST and drifts[0] >= 0.0 and np.all(np.diff(drifts) >= 0.0)
+        if not grows or np.max(shears) <= 0.0:
             raise ModelError(
                 f"{source}: story {story}: a curve has {_FEWEST} points at least, positive shears, and drifts that "
                 "grow from zero"

@@ -154,13 +154,12 @@ def read_csmip(lines: Lines) -> list[Series]:
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
     lines.numbers(REALS, REAL_WIDTH)
-    line = lines.peek()
-    equal = _EQUAL.match(line) if line is not None else None
-    if line and (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
+    line = lines.peek() or ""
+    if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
         lines.take()
         return Series(lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]))
     # Older files have pairs of time and acceleration, later ones equal steps.
-    if not (line and equal):
+    if not (equal := _EQUAL.match(line)):
         return read_pairs(lines, texts)
     lines.take()
     samples = lines.numbers(int(equal[1]), _width(line))

@@ -164,11 +164,8 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
 
 
 def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
-    header: dict[str, Any] = {
-        "network": part.network,
-        "station": part.station,
-        "location": part.location,
-        "channel": part.channel,
+    codes = {name: getattr(part, name) for name in ("network", "station", "location", "channel")}
+    header: dict[str, Any] = codes | {
         "delta": part.dt,
         "npts": part.samples.size,
         "tdint_compared": compared,

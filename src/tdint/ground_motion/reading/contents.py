@@ -111,7 +111,7 @@ def is_archive(data: bytes) -> bool:
     return data.startswith(_ZIP)
 
 
-def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
+def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
     """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files within it.
 
     The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the archive states.
@@ -121,8 +121,7 @@ def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
     RecordError
         The archive is damaged, encrypted, or larger than 256 MiB in all when uncompressed.
     """
-    budget = [LARGEST]
-    return list(_members(data, source, budget, 1))
+    return _members(data, source, [LARGEST], 1)
 
 
 def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
@@ -208,7 +207,7 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
     """Names and formats of the records in a file: of itself, or of those in an archive. Errors are `read_bytes`'."""
     data = read_bytes(source)
-    parts = members(data, source) if is_archive(data) else [(source, data)]
+    parts = [*members(data, source)] if is_archive(data) else [(source, data)]
     known = [(part, _format_of(content, layout)) for part, content in parts]
     return [(part, plugin.name) for part, plugin in known if plugin]
 
@@ -217,7 +216,7 @@ def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list
     """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
     parts = [(source, data)]
     if is_archive(data):
-        files = members(data, source)
+        files = [*members(data, source)]
         parts = [(part, content) for part, content in files if _format_of(content, layout)]
         if not parts:
             listed = ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10]) or "nothing"
