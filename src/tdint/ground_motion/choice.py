@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import field, fields, replace
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, Self
 
 from tdint.data import dataclass
@@ -146,7 +147,7 @@ class RecordChoice:
 
     units: str | Mapping[str, str] | None = None
     component: str | None = None
-    inventory: str | None = None
+    inventory: str | Path | None = None
     processing: Processing = field(default_factory=Processing)
     layout: TextLayout = AS_STATED
 

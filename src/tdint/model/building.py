@@ -481,13 +481,10 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = set(building.law_parameters[at.CODE, :-1].tolist())
+    codes = {CODES["linear"], *building.law_parameters[at.CODE, :-1].tolist()}
+    names = (name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes)
     return Variant(
-        laws=tuple(
-            name if code < OURS else f"{name}@{code}"
-            for name, code in CODES.items()
-            if code in codes or name == "linear"
-        ),
+        laws=tuple(names),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,

@@ -360,7 +360,7 @@ class _Row:
 
     def building(self) -> InventoryRow | None:
         """The building; None after a fault."""
-        classes, given = self._of.classes, self._given
+        classes, given = self._of.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         name = self._cell("id")
         if not name:
@@ -373,7 +373,7 @@ class _Row:
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
         """What is said of a building of a class; None after a fault."""
-        name, given, length, published = self._cell("class"), self._given, self._of.length, self._of.as_published
+        name, given, length, published = self._cell("class"), self._cell, self._of.length, self._of.as_published
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
             self.fault(self._places["class"], "class", f"unknown {name!r}; known: {names}" if name else "is missing")
@@ -389,7 +389,7 @@ class _Row:
 
     def _facts(self) -> BuildingFacts:
         """What is said of a building by its type."""
-        given, length = self._given, self._of.length
+        given, length = self._cell, self._of.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
             structure=self._word("StructureType", {structure.lower(): structure for structure in STRUCTURES}),
@@ -405,9 +405,6 @@ class _Row:
 
     def _cell(self, name: str) -> str:
         return self._cells[self._places[name]] if name in self._places else ""
-
-    def _given(self, name: str) -> bool:
-        return bool(self._cell(name))
 
     def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
         text, bounds = self._cell(name), bounds or _NUMBERS[name]

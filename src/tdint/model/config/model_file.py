@@ -128,7 +128,7 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
     input."""
     return RecordChoice(
         units=(read_file_units if many else read_sample_units)(section.get("units")),
-        component=section.text("component"),
+        component=section.read("component"),
         inventory=section.file("inventory", stdin=stdin),
         processing=read_processing(section),
         layout=read_layout(section),
@@ -171,8 +171,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        record_within(record) if record else None,
-        tuple(_read_force(item, unit, count) for item in items or ()),
+        record_within(record) if record else None, tuple(_read_force(item, unit, count) for item in items or ())
     )
 
 
@@ -360,7 +359,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         given = tuple(item.number(scale=unit.length) for item in items or ())
         states.append(given if entry else (0.0,) * (count or 0))
     model = Model(
-        name=section.text("name") or origin.name,
+        name=section.read("name") or origin.name,
         source=origin.label,
         text=origin.data,
         stories=stories,

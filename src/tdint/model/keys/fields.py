@@ -628,11 +628,6 @@ class Section:
             if entry := self.get(name):
                 entry.fault(reason)
 
-    def text(self, name: str) -> str | None:
-        """The text of the entry; None if the section lacks it or it is faulty."""
-        value = self.get(name)
-        return value.text() if value else None
-
     def file(self, name: str, *, stdin: bool = False) -> str | None:
         """The path of the entry, as `Value.file` has it; None if the section lacks it or it is faulty."""
         value = self.get(name)
