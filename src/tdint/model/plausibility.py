@@ -60,11 +60,7 @@ DAMPING = Usual(
     "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05",
 )
 HEIGHT = Usual(
-    "story height",
-    1.5,
-    15.0,
-    _METERS,
-    "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
+    "story height", 1.5, 15.0, _METERS, "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?"
 )
 FLOOR = Usual(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
