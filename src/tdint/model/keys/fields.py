@@ -107,7 +107,9 @@ class Flag:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; a number without quotes is one, too."""
+    """A line of text; a number without quotes is one, too. `parse` makes of it what is meant, and raises UsageError."""
+
+    parse: Callable[[str], Any] | None = None
 
     def schema(self) -> Schema:
         return {"type": ["string", "number"]}
@@ -362,8 +364,8 @@ class Value:
                 return self._by_name(self.kind)
             case PathOf():
                 return self.file(stdin=True)
-            case Words():
-                return self.text()
+            case Words(parse):
+                return self.parsed(parse) if parse else self.text()
         raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
 
     def _alternative(self, either: Either) -> Any:
