@@ -133,12 +133,12 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
             f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
         ) from None
     try:
-        step = equal_steps(times)
+        dt, _ = equal_steps(times)
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     return Signal(
         samples=stated.scale * table.numbers(place),
-        dt=step.dt,
+        dt=dt,
         quantity=stated.quantity,
         label=f"{source}: {column}",
         start=float(times[0]),
