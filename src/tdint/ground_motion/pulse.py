@@ -105,8 +105,7 @@ def parse_motion(text: str) -> Artificial:
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
     pga, duration = parse_with_unit(given["pga"], "acceleration", "0.1g", "pga"), numbers["duration"]
-    first = numbers["frequency"] if name == "sine" else numbers["first"]
-    last = numbers["frequency"] if name == "sine" else numbers["last"]
+    first, last = (numbers["frequency" if name == "sine" else end] for end in ("first", "last"))
     if not duration * max(first, last) <= _MOST_TURNS:
         raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
     return Sweep(first, last, duration, pga)

@@ -327,16 +327,9 @@ _SAME_INTERVAL = 1e-12
 numbers, or in single precision."""
 
 
-@dataclass(frozen=True)
-class Exported:
-    """A file of motions, and what there is to say of it."""
-
-    content: bytes
-    notes: tuple[str, ...]
-
-
-def to_mseed(motions: Sequence[Record]) -> Exported:
-    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA), its start if known.
+def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
+    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA), its start if known;
+    and what there is to say of the file.
 
     Raises
     ------
@@ -365,4 +358,4 @@ def to_mseed(motions: Sequence[Record]) -> Exported:
     notes = []
     if not math.isclose(stored, dt, rel_tol=_SAME_INTERVAL):
         notes.append(f"MiniSEED has a sampling interval of {stored:.12g} s for {dt:.12g} s")
-    return Exported(content.getvalue(), tuple(notes))
+    return content.getvalue(), tuple(notes)

@@ -319,7 +319,7 @@ def model_within(value: Value, origin: SourceText) -> Model | None:
 
 def _read_model(section: Section, origin: SourceText) -> Model:
     """The model; faults are noted, and leave nan or None behind."""
-    unit = read_units(section.get("units"))
+    unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")

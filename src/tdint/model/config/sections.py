@@ -78,23 +78,22 @@ class ModelUnits:
             return math.inf
 
 
-def read_units(value: Value | None) -> ModelUnits:
+def read_units(section: Section) -> ModelUnits:
     """The units of the file, SI where it names none."""
-    section = value.section(UNITS) if value else None
 
     # A unit of force for a mass is told as such: that it is unknown would not help.
     def named(name: str, factors: Mapping[str, float], usual: str) -> str:
-        entry = section.get(name) if section else None
+        entry = section.get(name)
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
             entry.fault(f"{entry.node.text} is a unit of force; {_WEIGHT}")  # type: ignore[union-attr]
             return usual
         return (entry.choice(factors, f"{name} unit") if entry else None) or usual
 
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
-    mass, mass_is_said = named("mass", units.MASS, "kg"), bool(section and section.mentions("mass"))
+    mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
     beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
     # Beside such units a mass is hardly in kg: its unit is asked for where one is used.
-    words = [entry for name in ("length", "force") if section and (entry := section.get(name))]
+    words = [entry for name in ("length", "force") if (entry := section.get(name))]
     foreign = any(word.is_word(unit) for word in words for unit in _OPEN)
     return ModelUnits(
         units.LENGTH[length],
