@@ -365,8 +365,7 @@ class _Row:
         name = self._cell("id")
         if not name:
             self.fault(self._places["id"], "id", "is missing")
-        latitude = self._number("Latitude") if given("Latitude") else None
-        longitude = self._number("Longitude") if given("Longitude") else None
+        latitude, longitude = (self._number(name) if given(name) else None for name in _PLACES)
         if facts is None or len(self._faults) > self._before:
             return None
         return InventoryRow(name, facts, latitude, longitude)
