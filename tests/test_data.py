@@ -35,7 +35,7 @@ def classes(make):
         """Words."""
 
         unit: str = "m"
-        hidden: int = dataclasses.field(default=3, hash=False)
+        hidden: int = dataclasses.field(default=3, compare=False)
 
     @make
     class Open:

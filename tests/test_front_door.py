@@ -120,16 +120,13 @@ def test_nothing_of_python_is_shadowed():
         tdint.init  # noqa: B018
 
 
-def test_a_checker_of_types_is_told_the_same_names():
+def test_all_names_that_a_checker_of_types_is_told_are_there():
     tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If)).body
-    told = {alias.asname: node.module for node in block if isinstance(node, ast.ImportFrom) for alias in node.names}
+    told = {alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names}
     names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
-    homes = dict(tdint._HOMES)
-    assert names == set(tdint._CALLED)
-    assert {name: home for name, home in told.items() if name} == {
-        name: home for name, home in homes.items() if name not in names
-    }
+    assert names == set(tdint._CALLED) == set(tdint._ELSEWHERE)
+    assert told - {None} | names == set(tdint._homes())
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -137,7 +134,7 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
     function = inspect.unwrap(getattr(tdint, name))
     signature = inspect.signature(function)
     if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
-        function = getattr(import_module(tdint._HOMES[name]), tdint._CALLED.get(name, name))
+        function = getattr(import_module(tdint._homes()[name]), tdint._CALLED.get(name, name))
     text = inspect.getdoc(function)
     sections = [title for title in ("Parameters", "Returns", "Raises") if f"{title}\n{'-' * len(title)}\n" in text]
     expected = ["Parameters"] * bool(signature.parameters) + ["Returns", "Raises"]

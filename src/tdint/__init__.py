@@ -39,15 +39,18 @@ costs nothing; matplotlib loads with the first picture.
 
 from __future__ import annotations
 
+import re
 import warnings
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from tdint.system import __version__ as __version__
 from tdint.tabular import Tabular, asked_rightly
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` reads them
     from tdint.analysis.assessment.failures import failures as failures
     from tdint.analysis.assessment.order import order as order
     from tdint.analysis.assessment.paper_examples import paper_examples as paper_examples
@@ -115,57 +118,11 @@ if TYPE_CHECKING:
 
 Tabular.tables, Tabular.figures = "tdint.output.tables.to_dict", "tdint.output.plotting"
 
-_NAMES = {
-    "analysis.assessment.failures": "failures",
-    "analysis.assessment.order": "order",
-    "analysis.assessment.paper_examples": "paper_examples",
-    "analysis.assessment.stability": "overshoot stability",
-    "analysis.chart.profiles": "chart_many",
-    "analysis.chart.work_precision": "chart",
-    "analysis.compare": "compare",
-    "analysis.matching": "match match_suite",
-    "analysis.run.outcome": "FailedRun Response",
-    "analysis.run.overview": "modes",
-    "analysis.run.prepared": "compile_model",
-    "analysis.run.run": "prepare run run_case",
-    "analysis.run.run_many": "Runs run_many",
-    "analysis.run.sequence": "run_sequence",
-    "analysis.spectra.drift": "drift_spectrum",
-    "analysis.spectra.elastic": "spectrum",
-    "analysis.spectra.floors": "floor_spectra",
-    "analysis.spectra.fourier": "fourier_spectrum",
-    "analysis.spectra.inelastic": "constant_ductility constant_strength",
-    "analysis.spectra.modal": "modal_response",
-    "analysis.spectra.rotated": "rotated_spectrum",
-    "analysis.static": "cyclic_test pushover",
-    "analysis.target_displacement": "target_displacements",
-    "campaign.carry_out": "campaign",
-    "campaign.fragility.fit_table": "fragility",
-    "campaign.fragility.fits": "fit_capacities fit_cloud fit_stripes",
-    "campaign.ida": "ida",
-    "campaign.scaling": "scale",
-    "campaign.selection": "select",
-    "campaign.sensitivity": "sensitivity",
-    "errors": "TdintError",
-    "ground_motion.choice": "TextLayout",
-    "ground_motion.processing_steps": "process",
-    "ground_motion.reading.read": "make_record read_horizontals read_record",
-    "ground_motion.record": "Record",
-    "methods.catalogue": "load_plugin register_method",
-    "model.config.model_file": "load_model",
-    "model.definition": "Model register_law",
-    "model.inventory": "inventory",
-    "model.story_curves": "first_model",
-    "output.plotting": "plot",
-    "output.tables.spectra": "record_info",
-    "output.tables.to_dict": "to_dict",
-    "validation": "validate",
-}
-"""What stands at the top, by the modules below `tdint` where it is; each is imported when a name of it is first used.
-A checker of types is told the same above, and a test holds the two together."""
-
 _CALLED = {"check": "overview", "methods": "list_methods"}
 """What has another name where it is: a checker of models, and what is a package there."""
+
+_ELSEWHERE = {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
+"""Where that is."""
 
 _BEFORE = {
     "compile": "compile_model",
@@ -179,8 +136,13 @@ _BEFORE = {
 _GOING = dict.fromkeys(("register_law", "register_method"), "load_plugin takes what stands in a file")
 """What nobody was seen to use, and what does its work; not among the names that are listed."""
 
-_HOMES = {name: f"tdint.{module}" for module, names in _NAMES.items() for name in names.split()}
-_HOMES |= {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
+
+@cache
+def _homes() -> dict[str, str]:
+    """The modules in which the names stand: those that a checker of types is told above, read in this file."""
+    text = Path(__file__).read_text(encoding="utf-8")
+    told = re.findall(r"^    from (tdint\.\S+) import (\w+) as \2$", text, re.MULTILINE)
+    return {name: module for module, name in told} | _ELSEWHERE
 
 
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
@@ -190,12 +152,12 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
             return __dir__()
         if name in _GOING:
             warnings.warn(f"tdint.{name} goes with the next release; {_GOING[name]}", DeprecationWarning, stacklevel=2)
-        if name not in _HOMES:
+        if name not in _homes():
             now = f"; it is {_BEFORE[name]!r} now" if name in _BEFORE else ""
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
-        there = getattr(import_module(_HOMES[name]), _CALLED.get(name, name))
+        there = getattr(import_module(_homes()[name]), _CALLED.get(name, name))
         return asked_rightly(there, name) if isinstance(there, FunctionType) else there
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", *(_HOMES.keys() - _GOING.keys())])
+    return sorted(["__version__", *(_homes().keys() - _GOING.keys())])

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_at_most
-from tdint.written_numbers import LARGEST, SMALLEST, how_many
+from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_whole
+from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
@@ -174,10 +174,7 @@ def no_number(text: str, expected: str) -> str:
 
 def _float(text: str) -> float:
     """As Python writes numbers, but for its underscores and other alphabets' digits; nan for words."""
-    try:
-        return float(text) if text.isascii() and "_" not in text else math.nan
-    except ValueError:
-        return math.nan
+    return number_or_nan(text) if text.isascii() and "_" not in text else math.nan
 
 
 def read_table(
@@ -230,18 +227,7 @@ def stream_table(
     else:
         note_input(source, lambda: digest_of(Path(source)))
         rows = _streamed(source, error)
-    return _headed(source, needs, rows, columns, comment, error), rows
-
-
-def _headed(
-    source: str,
-    needs: str,
-    rows: Iterator[tuple[int, list[str]]],
-    columns: Collection[str] | None,
-    comment: str,
-    error: type[TdintError],
-) -> CsvTable:
-    """The table without its rows, of which the header and what stands above it are taken."""
+    # The header, and what stands above it, are taken from the rows.
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
@@ -252,7 +238,7 @@ def _headed(
     for name in names if columns is None else columns:
         if name and names.count(name.lower()) > 1:
             raise error(f"{source}:{header_line}: the column {name} is there twice")
-    return CsvTable(source, names, titles, header_line, (), needs, error)
+    return CsvTable(source, names, titles, header_line, (), needs, error), rows
 
 
 def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
@@ -292,14 +278,8 @@ def _rows(source: str, lines: Iterable[str], error: type[TdintError]) -> Iterato
 
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:
-    try:
-        data = read_at_most(source, MOST_BYTES, error)
-    except FileNotFoundError:
-        raise error(f"{source}: no such file; {needs}") from None
-    except (OSError, ValueError) as fault:
-        raise error(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
-    if len(data) > MOST_BYTES:
-        raise error(f"{source}: larger than {MOST_BYTES // 1024**2} MiB; {needs}")
+    large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
+    data = read_whole(source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES)
     note_input(source, data)
     try:
         text = data.decode("utf-8-sig")

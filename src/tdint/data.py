@@ -8,7 +8,7 @@ of the time of `tdint run`. `dataclass` is that of `dataclasses`, whose fields a
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import MISSING, Field, FrozenInstanceError, fields
+from dataclasses import MISSING, FrozenInstanceError, fields
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 
@@ -110,10 +110,7 @@ def _eq(cls: Any, _: bool) -> Any:
 
 
 def _hash(cls: Any, _: bool) -> Any:
-    def counts(field: Field[Any]) -> bool:
-        return field.compare if field.hash is None else field.hash
-
-    values = "".join(f"self.{field.name}, " for field in fields(cls) if counts(field))
+    values = "".join(f"self.{field.name}, " for field in fields(cls) if field.compare)
     return _compiled("__hash__", "self", [f"return hash(({values}))"], {})
 
 

@@ -98,6 +98,22 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
     return _read(stream, most)
 
 
+def read_whole(
+    source: str | Path, error: type[TdintError], told: Mapping[type[Exception], str], large: str, most: int
+) -> bytes:
+    """Read a file that must not be larger than `most`; as `read_at_most`, but all that the system says becomes an
+    `error`, in the words of `told` where it has some for the kind; `large` is what to say of a larger file."""
+    try:
+        data = read_at_most(source, most, error)
+    except (OSError, ValueError) as fault:
+        reason = f"cannot be read: {getattr(fault, 'strerror', None) or fault}"
+        reason = next((text for kind, text in told.items() if isinstance(fault, kind)), reason)
+        raise error(f"{source}: {reason}") from None
+    if len(data) > most:
+        raise error(f"{source}: {large}")
+    return data
+
+
 def _read(file: BinaryIO, most: int) -> bytes:
     """Read in pieces: an endless device ends at `most`, and memory grows as needed."""
     content = bytearray()
@@ -118,18 +134,12 @@ def is_named_pipe(source: str | Path) -> bool:
 
 def is_folder(name: str | Path) -> bool:
     """Whether a name is that of a folder; False also for one that can be no file's (too long, say)."""
-    try:
-        return Path(name).is_dir()
-    except (OSError, ValueError):
-        return False
+    return os.path.isdir(name)  # noqa: PTH112  Path's raises of the latter
 
 
 def is_file(name: str | Path) -> bool:
     """Whether a name is that of a file, as `is_folder`."""
-    try:
-        return Path(name).is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(name)  # noqa: PTH113  as above
 
 
 # ---- Files

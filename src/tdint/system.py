@@ -378,11 +378,8 @@ def _lock_on_windows(descriptor: int) -> bool:
 def available_memory() -> float:
     """Bytes of memory that this process may still take, as far as the system tells; inf if it does not."""
     limits = []
-    try:
-        with Path("/proc/meminfo").open() as lines:
-            limits += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
-    except (OSError, ValueError, IndexError):
-        pass
+    with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
+        limits += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
     try:
         import resource
     except ImportError:

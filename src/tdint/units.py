@@ -153,13 +153,13 @@ def canonical(name: str) -> str:
     return "gal" if plain == "gals" else plain
 
 
-def parse_acceleration(key: str, text: str, example: str) -> float:
-    """An acceleration in m/s^2; a number without a unit is refused.
+def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> float:
+    """A number with its unit, of a quantity of `GROUND_MOTION`, in SI units; one without a unit is refused.
 
     Parameters
     ----------
-    key, example : str
-        What it is called and how it is written, for messages.
+    example, key : str
+        How it is written and what it is called, for messages.
 
     Raises
     ------
@@ -170,8 +170,8 @@ def parse_acceleration(key: str, text: str, example: str) -> float:
         units = parse_units(text)
     except UsageError:
         units = None
-    if units is None or not units.has_factor or units.quantity != "acceleration":
-        raise UsageError(f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}")
+    if units is None or not units.has_factor or units.quantity != quantity:
+        raise UsageError(f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}".lstrip())
     return units.scale
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from tdint.analysis.run.outcome import Response
+from tdint.analysis.run.outcome import History
 from tdint.analysis.run.overview import modes
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
@@ -23,6 +22,7 @@ from tdint.arrays import Array as Array
 from tdint.campaign.fragility.fits import fit_stripes
 from tdint.data import dataclass
 from tdint.ground_motion.reading.read import make_record
+from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.tabular import Several
 
@@ -75,30 +75,18 @@ class ValidationCase:
     relative: bool = False
     remark: str = ""
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _without_computing, (
-            {field.name: getattr(self, field.name) for field in fields(self) if field.name != "computed"},
-        )
-
-
-def _without_computing(values: dict[str, Any]) -> ValidationCase:
-    """A case that has travelled to another process: it tells what it is, and computes nothing."""
-    return ValidationCase(**values, computed=tuple)
-
 
 def cases_of(
-    group: str,
-    computed: Mapping[str, Callable[[], Array]],
-    formulas: Mapping[str, tuple[float, ...]],
+    group: str, answers: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
 ) -> tuple[ValidationCase, ...]:
     """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that a formula gives."""
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
     cases = []
     for case in tomllib.loads(text)[group]:
-        name = case["name"]
-        published = tuple(case.pop("published", ())) or formulas[name]
+        computed, formula = answers[case["name"]]
+        published = tuple(case.pop("published", ())) or formula
         quantities = tuple(case.pop("quantities"))
-        cases.append(ValidationCase(**case, published=published, quantities=quantities, computed=computed[name]))
+        cases.append(ValidationCase(**case, published=published, quantities=quantities, computed=computed))
     return tuple(cases)
 
 
@@ -151,16 +139,21 @@ _OMEGA = 2.0 * math.pi
 _XI = 0.05  # damping ratio of the closed forms
 
 
-def _oscillator(method: str, dt: float, duration: float, **said: Any) -> Response:
+def _history(model: Mapping[str, Any], *record: Record, method: str | None = None) -> History:
+    """What a model, as a file says it, does."""
+    history = run(load_model(model), *record, method=method, history=True, check=False).history
+    assert history is not None
+    return history
+
+
+def _oscillator(method: str, dt: float, duration: float, **said: Any) -> History:
     """Motion of an oscillator of 1 kg, of period 1 s unless it has another law."""
     story = {"mass": 1.0} | (said.pop("story", None) or {"stiffness": _OMEGA**2})
-    model = {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said
-    return run(load_model(model), history=True, check=False)
+    return _history({"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said)
 
 
-def _last(response: Response) -> float:
-    assert response.history is not None
-    return float(response.history.displacement[-1, 0])
+def _last(history: History) -> float:
+    return float(history.displacement[-1, 0])
 
 
 def _free_vibration() -> Array:
@@ -204,8 +197,7 @@ def _duffing() -> Array:
 def _energy_kept() -> Array:
     """Largest change of the Duffing oscillator's energy over the energy at the start, 200 steps of `moment4`."""
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
-    history = _oscillator("moment4", 0.05, 10.0, **start).history
-    assert history is not None
+    history = _oscillator("moment4", 0.05, 10.0, **start)
     # Kinetic energy, and the potential of 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
@@ -229,25 +221,15 @@ def closed_form_cases() -> tuple[ValidationCase, ...]:
     steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
     _, m = _duffing_frequency()
     duffing = 1.5 * float(ellipj(13.3 * 4.0 * float(ellipk(m)), m)[1])
-    closed_forms = {
-        "free-vibration": (free,),
-        "resonance": (resonance,) * 2,
-        "sudden-step": steps,
-        "duffing": (duffing,) * 2,
-        "energy-kept": (0.0,),
-        "bilinear-loop": (4.0 * 0.95 * 10.0 * (0.03 - 0.01),),
+    answers = {
+        "free-vibration": (_free_vibration, (free,)),
+        "resonance": (_resonance, (resonance,) * 2),
+        "sudden-step": (_sudden_step, steps),
+        "duffing": (_duffing, (duffing,) * 2),
+        "energy-kept": (_energy_kept, (0.0,)),
+        "bilinear-loop": (_bilinear_loop, (4.0 * 0.95 * 10.0 * (0.03 - 0.01),)),
     }
-    return cases_of("closed-form", _CLOSED_FORMS, closed_forms)
-
-
-_CLOSED_FORMS = {
-    "free-vibration": _free_vibration,
-    "resonance": _resonance,
-    "sudden-step": _sudden_step,
-    "duffing": _duffing,
-    "energy-kept": _energy_kept,
-    "bilinear-loop": _bilinear_loop,
-}
+    return cases_of("closed-form", answers)
 
 
 INCH = 0.0254  # m, of the published example
@@ -255,18 +237,14 @@ INCH = 0.0254  # m, of the published example
 
 def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
     """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many steps of 0.1 s."""
-    model = load_model(
-        {
-            "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
-            "stories": [{"mass": 0.2533, "stiffness": 10.0} | ({"law": dict(law)} if law else {})],
-            "damping": {"modal": 0.05},
-        }
-    )
+    model = {
+        "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
+        "stories": [{"mass": 0.2533, "stiffness": 10.0} | ({"law": dict(law)} if law else {})],
+        "damping": {"modal": 0.05},
+    }
     force = [10.0 * math.sin(math.pi * i / 6.0) if i < 6 else 0.0 for i in range(11)]
     record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
-    history = run(model, record, method=method, history=True, check=False).history
-    assert history is not None
-    return np.asarray(history.displacement[1 : steps + 1, 0] / INCH)
+    return np.asarray(_history(model, record, method=method).displacement[1 : steps + 1, 0] / INCH)
 
 
 _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
@@ -274,34 +252,26 @@ _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
 
 def _bathe(method: str) -> Array:
     """Both displacements at 3.36 s of Bathe's two masses between walls, 12 steps of 0.28 s."""
-    model = load_model(
-        {
-            # The spring from the second mass to the wall is a story under a mass that stays where it is.
-            "stories": [{"mass": 2, "stiffness": 4}, {"mass": 1, "stiffness": 2}, {"mass": 1e12, "stiffness": 2}],
-            "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
-            "analysis": {"dt": 0.28, "duration": 3.36},
-        }
-    )
-    history = run(model, method=method, history=True, check=False).history
-    assert history is not None
-    return np.asarray(history.displacement[-1, :2])
+    model = {
+        # The spring from the second mass to the wall is a story under a mass that stays where it is.
+        "stories": [{"mass": 2, "stiffness": 4}, {"mass": 1, "stiffness": 2}, {"mass": 1e12, "stiffness": 2}],
+        "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
+        "analysis": {"dt": 0.28, "duration": 3.36},
+    }
+    return np.asarray(_history(model, method=method).displacement[-1, :2])
 
 
 def _five_yielding_stories() -> Array:
     """Roof displacement at 2 s, m (Chopra, example 16.4, as StructDyn computes it)."""
     law = {"type": "bilinear", "yield_force": 125, "hardening": 0.05 / 1.05}
-    model = load_model(
-        {
-            "units": {"length": "m", "force": "kN", "mass": "t"},
-            "stories": [{"repeat": 5, "mass": 25.91, "stiffness": 10000, "law": law}],
-            "damping": {"modal": 0.05},
-        }
-    )
+    model = {
+        "units": {"length": "m", "force": "kN", "mass": "t"},
+        "stories": [{"repeat": 5, "mass": 25.91, "stiffness": 10000, "law": law}],
+        "damping": {"modal": 0.05},
+    }
     samples = [1.93 * math.sin(2.0 * math.pi * i / 10) if i <= 10 else 0.0 for i in range(21)]
     record = make_record(samples, dt=0.1, units="m/s^2")
-    history = run(model, record, method="newmark-average", history=True, check=False).history
-    assert history is not None
-    return np.asarray(history.displacement[-1:, 4])
+    return np.asarray(_history(model, record, method="newmark-average").displacement[-1:, 4])
 
 
 def _circular_frequencies(*stories: dict[str, Any]) -> Array:
@@ -321,16 +291,12 @@ def _frequencies_of_eight_masses() -> Array:
 
 def _forced_by_a_sine() -> Array:
     """Natural frequency (Hz) and displacement (m) at 1 s of code_aster's SDLD106."""
-    model = load_model(
-        {
-            "stories": [{"mass": 100, "stiffness": 100.0 * (0.2 * math.pi) ** 2}],
-            "excitation": {"forces": [{"floor": 1, "amplitude": 1, "omega": 1, "phase": "sin"}]},
-            "analysis": {"dt": 0.05, "duration": 1},
-        }
-    )
-    history = run(model, method="impulse4", history=True, check=False).history
-    assert history is not None
-    return np.array([modes(model).omega[0] / (2.0 * math.pi), history.displacement[-1, 0]])
+    model = {
+        "stories": [{"mass": 100, "stiffness": 100.0 * (0.2 * math.pi) ** 2}],
+        "excitation": {"forces": [{"floor": 1, "amplitude": 1, "omega": 1, "phase": "sin"}]},
+        "analysis": {"dt": 0.05, "duration": 1},
+    }
+    return np.array([modes(load_model(model)).omega[0] / (2.0 * math.pi), _last(_history(model, method="impulse4"))])
 
 
 def _stripes() -> Array:
@@ -361,7 +327,7 @@ _TEXTBOOKS: dict[str, Callable[[], Array]] = {
 
 def textbook_cases() -> tuple[ValidationCase, ...]:
     """Tables of textbooks and printed results of other programs."""
-    return cases_of("textbook", _TEXTBOOKS, {})
+    return cases_of("textbook", {name: (computed, ()) for name, computed in _TEXTBOOKS.items()})
 
 
 def validate() -> Several[ValidationResult]:

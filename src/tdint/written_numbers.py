@@ -45,6 +45,14 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     return tuple((name.strip(), told.strip()) for name, _, told in parts)
 
 
+def number_or_nan(text: str) -> float:
+    """A number as Python writes it; nan for another text."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def parse_ratio(text: str) -> float:
     """A ratio: a number such as `0.05`, or a percentage such as `5%`.
 
@@ -55,10 +63,7 @@ def parse_ratio(text: str) -> float:
     """
     words = text.strip()
     number = words.removesuffix("%")
-    try:
-        ratio = float(number) / (100.0 if number != words else 1.0)
-    except ValueError:
-        ratio = math.nan
+    ratio = number_or_nan(number) / (100.0 if number != words else 1.0)
     if not math.isfinite(ratio):
         raise UsageError(f"{text!r} is neither a ratio such as 0.05 nor a percentage such as 5%")
     return ratio
@@ -72,10 +77,7 @@ def parse_positive(name: str, text: str) -> float:
     UsageError
         It is none, or one that cannot be computed with (`SMALLEST`, `LARGEST`).
     """
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
+    number = number_or_nan(text)
     if not SMALLEST <= number <= LARGEST:
         raise UsageError(f"{name} must be a positive number, got {text[:40]!r}")
     return number

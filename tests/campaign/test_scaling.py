@@ -104,9 +104,9 @@ def test_measures_that_are_none():
 
 
 def test_suites():
-    suite = read_components(FILES)
+    suite = read_components(FILES, RecordChoice())
     assert [record.component for record in suite.records] == ["HN1", "HN2"] * 3
-    both = read_pairs([*FILES, "none.mseed"])
+    both = read_pairs([*FILES, "none.mseed"], RecordChoice())
     assert (len(both.motions), len(both.records)) == (3, 6)
     assert "none.mseed" in str(both.failures[0])
 

@@ -10,6 +10,7 @@ import pytest
 
 from cli.conftest import at_a_terminal
 from tdint.errors import AnalysisError, RecordError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import records_of
 from tdint_cli import terminal
 from tdint_cli.commands.spectrum import tables_of
@@ -239,6 +240,6 @@ def test_one_record_has_no_bar_nor_has_a_terminal_where_data_go(folder, tdint, m
 
 
 def test_sources_keep_the_users_spelling(many):
-    found = records_of(["many//", "../x", "many/r0.mseed"])
+    found = records_of(["many//", "../x", "many/r0.mseed"], RecordChoice())
     assert found.files[0] == "many//counts.mseed"
     assert found.files[-2:] == ("../x", "many/r0.mseed")

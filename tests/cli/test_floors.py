@@ -52,9 +52,9 @@ def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
 def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
     samples = np.sin(np.arange(50.0))
     for dt, told in ((0.01, False), (1.0 / 120.0, False), (0.0123456789, True)):
-        exported = to_mseed([Record(samples, dt, "", ".F01..HNX", "HNX", "floor 1")])
-        assert bool(exported.notes) is told
-        (tmp_path / "floor.mseed").write_bytes(exported.content)
+        content, notes = to_mseed([Record(samples, dt, "", ".F01..HNX", "HNX", "floor 1")])
+        assert bool(notes) is told
+        (tmp_path / "floor.mseed").write_bytes(content)
         record = read_record(tmp_path / "floor.mseed", units="m/s^2")
         np.testing.assert_array_equal(record.acceleration, samples)
         assert record.dt == pytest.approx(dt, rel=1e-7 if told else 1e-12)

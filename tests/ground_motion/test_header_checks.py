@@ -136,7 +136,7 @@ class TestText:
                 wrong = data.copy()
                 struct.pack_into("<f", wrong, 4 * word, value)
                 if value == longitude:
-                    assert look_at_sac(wrong).count == 1000
+                    assert look_at_sac(wrong)[0] == 1000
                 else:
                     refused_by(look_at_sac, wrong, "its header gives a longitude of")
 

@@ -186,8 +186,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
                 "reads a file: export them one by one, or give --resample"
             )
         channels = channels_of(motions)
-        exported = to_mseed(channels)
-        content, notes = exported.content, exported.notes
+        content, notes = to_mseed(channels)
         for summary, channel in zip(summaries, channels[:: len(channels) // len(motions)], strict=True):
             summary["exported_as"] = channel.id
     elif len(motions) > 1:

@@ -177,7 +177,7 @@ def _contents(matches: Sequence[Match], kind: str) -> list[bytes]:
             at2_text(record, f"MATCHED MOTION, {Path(record.source).stem}, {record.component}").encode()
             for record in records
         ]
-    return [to_mseed(channels_of([record])[:1]).content for record in records]
+    return [to_mseed(channels_of([record])[:1])[0] for record in records]
 
 
 def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:

@@ -209,9 +209,8 @@ class FloorRequest:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.record import to_mseed
 
-            exported = to_mseed([floor_motion(response, floor) for floor in range(1, stories + 1)])
-            files[folder / MOTIONS] = exported.content
-            notes = exported.notes
+            motions = [floor_motion(response, floor) for floor in range(1, stories + 1)]
+            files[folder / MOTIONS], notes = to_mseed(motions)
         return files, notes
 
 

@@ -332,7 +332,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     # Profiles come by default for single models; of inventories they would be large.
     models = isinstance(read_buildings, ModelFiles)
     return CampaignFile(
-        name=section.text("name") or name,
+        name=section.read("name") or name,
         source=label,
         buildings=read_buildings,
         records=(read_wanted_motions(records) if records else None) or RecordFiles((), RecordChoice()),
@@ -349,7 +349,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
             section.get("damage"), read_buildings.rules if isinstance(read_buildings, InventoryFile) else None
         ),
         outputs=chosen,
-        style=section.text("style") or "",
+        style=section.read("style") or "",
     )
 
 

@@ -22,7 +22,7 @@ from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMot
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import MOST_BYTES, read_at_most
+from tdint.files import MOST_BYTES, read_whole
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_name
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.reading.read import check_possible
@@ -464,12 +464,8 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    try:
-        data = read_at_most(file, MOST_BYTES, RecordError)
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > MOST_BYTES:
-        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
+    large = f"larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion"
+    data = read_whole(file, RecordError, {}, large, MOST_BYTES)
     try:
         content: object = json.loads(data, parse_int=float)  # all numbers are floats then
     except (ValueError, RecursionError) as error:

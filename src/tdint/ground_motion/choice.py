@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import field, fields, replace
 from numbers import Integral, Real
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
@@ -25,8 +26,23 @@ CORNERS = 4  # of the filter where none are given: 24 dB an octave
 MOST_CORNERS = 10  # steeper than any practice asks for
 
 
+class _Wishes:
+    """A class of data of which each field may be left open, as None or an empty tuple."""
+
+    def _given(self) -> dict[str, Any]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return {name: value for name, value in values.items() if value not in (None, ())}
+
+    def __bool__(self) -> bool:
+        return bool(self._given())
+
+    def over(self, other: Self) -> Self:
+        """These wishes, and those of another one for what is left open here."""
+        return replace(other, **self._given())  # type: ignore[type-var]
+
+
 @dataclass(frozen=True)
-class TextLayout:
+class TextLayout(_Wishes):
     """How text tables are to be read, as far as they do not tell; nothing of it overrules a file.
 
     Attributes
@@ -65,14 +81,6 @@ class TextLayout:
         ):
             raise UsageError(f"`skip_lines`: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}")
 
-    def __bool__(self) -> bool:
-        return any(getattr(self, field.name) not in (None, ()) for field in fields(self))
-
-    def over(self, other: TextLayout) -> TextLayout:
-        """These statements, and those of another one for what is not stated here."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(other, **{name: value for name, value in given.items() if value not in (None, ())})
-
     def check_format(self, name: str) -> None:
         """Raise RecordError for columns or lines of a file that is no table but of the format `name`."""
         for option, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
@@ -95,7 +103,7 @@ AS_STATED = TextLayout()
 
 
 @dataclass(frozen=True)
-class Processing:
+class Processing(_Wishes):
     """What is to be done to records; None everywhere does nothing.
 
     Attributes
@@ -132,14 +140,6 @@ class Processing:
         for problem in _problems(self):
             raise UsageError(problem)
 
-    def __bool__(self) -> bool:
-        return any(getattr(self, field.name) is not None for field in fields(self))
-
-    def over(self, other: Processing) -> Processing:
-        """These settings, and those of another one for what is not set here."""
-        given = {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
-        return replace(other, **given)
-
 
 @dataclass(frozen=True)
 class RecordChoice:
@@ -147,7 +147,7 @@ class RecordChoice:
 
     units: str | Mapping[str, str] | None = None
     component: str | None = None
-    inventory: str | None = None
+    inventory: str | Path | None = None
     processing: Processing = field(default_factory=Processing)
     layout: TextLayout = AS_STATED
 

@@ -12,16 +12,7 @@ import numpy as np
 
 from tdint.data import dataclass
 from tdint.ground_motion import miniseed_checks
-from tdint.ground_motion.miniseed_checks import (
-    CHECKSUM,
-    LENGTH,
-    PEAK,
-    SAMPLES,
-    Damaged,
-    Statement,
-    check_step,
-    compare,
-)
+from tdint.ground_motion.miniseed_checks import CHECKSUM, LENGTH, PEAK, SAMPLES, Damaged, Statement, check_step, compare
 from tdint.written_numbers import how_many
 
 # SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
@@ -40,21 +31,8 @@ _EXTREME, _AVERAGE = 1e-5, 1e-3
 precision."""
 
 
-@dataclass(frozen=True)
-class SacHeader:
-    """What the header says: numbers as they stand in it, `count` as an integer."""
-
-    delta: float
-    begin: float
-    end: float
-    smallest: float
-    largest: float
-    mean: float
-    count: int
-
-
-def look_at_sac(data: bytes) -> SacHeader:
-    """Understand the header.
+def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
+    """The number of samples that the header states, and its words that are numbers.
 
     Raises
     ------
@@ -67,22 +45,22 @@ def look_at_sac(data: bytes) -> SacHeader:
         if not abs(words[place]) <= -_UNKNOWN:
             raise Damaged(f"its header gives a longitude of {words[place]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
-    places = (_DELTA, _BEGIN, _END, _SMALLEST, _LARGEST, _MEAN)
-    delta, begin, end, smallest, largest, mean = (words[place] for place in places)
-    return SacHeader(delta, begin, end, smallest, largest, mean, count)
+    return count, words
 
 
-def sac_statements(header: SacHeader, traces: list[Any]) -> list[Statement]:
+def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> list[Statement]:
     """Number of samples, time of the last one, and the smallest, largest and mean sample."""
     (trace,) = traces
     size = len(trace.data)
-    statements = [Statement(SAMPLES, header.count, size)]
-    if _UNKNOWN not in (header.begin, header.end):
+    count, words = header
+    statements = [Statement(SAMPLES, count, size)]
+    delta, begin, end = words[_DELTA], words[_BEGIN], words[_END]
+    if _UNKNOWN not in (begin, end):
         # Some programs write the time of the sample that would follow.
-        rounding = 1.01 * abs(header.delta) + _SINGLE * (abs(header.end) + abs(header.begin))
-        last = header.begin + (size - 1) * header.delta
-        statements.append(Statement(f"{LENGTH} (time of the last sample)", header.end, last, rounding, "s"))
-    stated = (header.smallest, header.largest, header.mean)
+        rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
+        last = begin + (size - 1) * delta
+        statements.append(Statement(f"{LENGTH} (time of the last sample)", end, last, rounding, "s"))
+    stated = (words[_SMALLEST], words[_LARGEST], words[_MEAN])
     # Three zeros are placeholders of programs that do not fill them in.
     if size and any(stated) and trace.data.dtype.kind in "iuf":
         samples = np.asarray(trace.data, dtype=np.float64)
@@ -137,13 +115,14 @@ def look_at_gse(data: bytes) -> list[int]:
 
 def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
     """Number of samples; the checksum, which ObsPy has compared, stands for itself."""
+    return [*_of_sections(counts, traces, "sections"), *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts)]
+
+
+def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
+    """Number of samples of each section."""
     if len(counts) != len(traces):
-        raise Damaged(f"it has {len(counts)} sections, {len(traces)} could be read")
-    return [
-        statement
-        for count, trace in zip(counts, traces, strict=True)
-        for statement in (Statement(SAMPLES, count, len(trace.data)), Statement(CHECKSUM, 0.0, 0.0))
-    ]
+        raise Damaged(f"it has {len(counts)} {name}, {len(traces)} could be read")
+    return [Statement(SAMPLES, count, len(trace.data)) for count, trace in zip(counts, traces, strict=True)]
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
@@ -181,9 +160,7 @@ def _counts(data: bytes) -> list[int]:
 
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
     """Number of samples of each section."""
-    if len(counts) != len(traces):
-        raise Damaged(f"it has {len(counts)} headers of channels, {len(traces)} could be read")
-    return [Statement(SAMPLES, count, len(trace.data)) for count, trace in zip(counts, traces, strict=True)]
+    return _of_sections(counts, traces, "headers of channels")
 
 
 def knet_statements(_: None, traces: list[Any]) -> list[Statement]:

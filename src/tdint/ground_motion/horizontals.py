@@ -42,9 +42,6 @@ class SingleHorizontal(RecordError):
         whose = component or "one"
         super().__init__(f"{file}: has a single horizontal component, {whose}; name the file of the other one, too")
 
-    def __reduce__(self) -> tuple[type[SingleHorizontal], tuple[str, str]]:
-        return type(self), (self.file, self.component)
-
 
 @dataclass(frozen=True)
 class Horizontals:

@@ -22,7 +22,6 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.data import dataclass
 from tdint.errors import RecordError
@@ -131,20 +130,12 @@ def last_place(number: str) -> float:
 # ---- Mseed
 
 _WORDS = 16
-_Table = dict[tuple[int, int | None], tuple[int, int]]
-_STEIM_1: _Table = {(1, None): (4, 8), (2, None): (2, 16), (3, None): (1, 32)}
-_STEIM_2: _Table = {
-    (1, None): (4, 8),
-    (2, 1): (1, 30),
-    (2, 2): (2, 15),
-    (2, 3): (3, 10),
-    (3, 0): (5, 6),
-    (3, 1): (6, 5),
-    (3, 2): (7, 4),
+_DIFFERENCES: dict[int, dict[tuple[int, int | None], int]] = {
+    1: {(1, None): 4, (2, None): 2, (3, None): 1},
+    2: {(1, None): 4, (2, 1): 1, (2, 2): 2, (2, 3): 3, (3, 0): 5, (3, 1): 6, (3, 2): 7},
 }
-"""Number and bits of the differences in a word, by its code and, where it has one, the code in its first two bits."""
-
-_TABLES = {1: _STEIM_1, 2: _STEIM_2}
+"""Of each version the number of differences in a word, by its code and, where it has one, the code in its first two
+bits."""
 
 
 def most_samples(frames: bytes, version: int, order: str = ">") -> int:
@@ -159,23 +150,18 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     order : str
         Order of the bytes, > or <.
     """
-    _, codes, inner = _codes(frames, order)
-    return sum(
-        count * int(np.sum((codes == code) & (inner == second if second is not None else True)))
-        for (code, second), (count, _) in _TABLES[version].items()
-    )
-
-
-def _codes(frames: bytes, order: str) -> tuple[NDArray[np.uint32], NDArray[np.int64], NDArray[np.int64]]:
-    """The words of whole frames, their codes, and the codes in their first two bits; each of shape (words,)."""
     whole = len(frames) // (4 * _WORDS) * _WORDS
     words = np.frombuffer(frames, f"{order}u4", whole).astype(np.uint32)
-    shifts = np.arange(30, -2, -2, dtype=np.uint32)
-    codes = ((words[::_WORDS, None] >> shifts) & 3).astype(np.int64)
+    # The code of each word stands in the first one of its frame; that one, and the first and last sample, have none.
+    codes = ((words[::_WORDS, None] >> np.arange(30, -2, -2, dtype=np.uint32)) & 3).astype(np.int64)
     codes[:, 0] = 0
     codes = codes.reshape(-1)
     codes[1:3] = 0
-    return words, codes, (words >> np.uint32(30)).astype(np.int64)
+    inner = (words >> np.uint32(30)).astype(np.int64)
+    return sum(
+        count * int(np.sum((codes == code) & (inner == second if second is not None else True)))
+        for (code, second), count in _DIFFERENCES[version].items()
+    )
 
 
 _FIXED_HEADER = 48
@@ -326,15 +312,13 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
             control_length = control_length or _control_length(data)
             if control_length is None:
                 raise Damaged("its first control header does not tell the records' length")
-            length = control_length
+            if offset + control_length > len(data):
+                raise Damaged(f"its last record has {len(data) - offset} of {control_length} bytes")
+            offset += control_length
         else:
             record = _data_record(data, offset, number)
-            length = record.length
-        if offset + length > len(data):
-            raise Damaged(f"its last record has {len(data) - offset} of {length} bytes")
-        if not is_control:
             yield record
-        offset += length
+            offset += record.length
 
 
 def _control_length(data: bytes) -> int | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -62,10 +63,6 @@ def _straight(record: Record, shortest: float) -> tuple[Array, float]:
     return record.acceleration.copy(), record.dt
 
 
-def _straight_peak(record: Record) -> float:
-    return record.pga
-
-
 def _band_limited(record: Record, shortest: float) -> tuple[Array, float]:
     parts = _POINTS * math.ceil(max(1.0, record.dt / shortest))
     return band_limited(record.acceleration, parts, for_lines=True), record.dt / parts
@@ -107,7 +104,7 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     return parts * np.fft.irfft(spectrum, size * parts)[: (samples.size - 1) * parts + 1]
 
 
-LINEAR = Interpolation("linear", _straight, _straight_peak, "straight lines")
+LINEAR = Interpolation("linear", _straight, attrgetter("pga"), "straight lines")
 BAND_LIMITED = Interpolation(
     "band-limited", _band_limited, _band_limited_peak, "free of frequencies above half its sampling rate"
 )
@@ -220,17 +217,15 @@ def processed(record: Record, steps: Processing) -> Record:
     RecordError
         A step does not fit the record.
     """
-    corners = steps.corners or CORNERS
     if steps.trim is not None:
         record = trim(record, *steps.trim)
     if steps.baseline is not None:
         record = remove_baseline(record, steps.baseline)
     if steps.pad is not None:
         record = pad(record, *steps.pad)
-    if steps.highpass is not None:
-        record = butterworth(record, "highpass", steps.highpass, corners)
-    if steps.lowpass is not None:
-        record = butterworth(record, "lowpass", steps.lowpass, corners)
+    for kind, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
+        if corner is not None:
+            record = butterworth(record, kind, corner, steps.corners or CORNERS)
     if steps.resample is not None:
         record = resample(record, steps.resample)
     return record

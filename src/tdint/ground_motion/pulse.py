@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.data import dataclass
 from tdint.errors import UsageError
-from tdint.units import ACCELERATION, parse_acceleration
+from tdint.units import ACCELERATION, parse_with_unit
 from tdint.written_numbers import parse_named, parse_positive
 
 _DT, _SAMPLES_PER_CYCLE = 0.01, 40
@@ -104,9 +104,8 @@ def parse_motion(text: str) -> Artificial:
     numbers = {key: parse_positive(key, value) for key, value in given.items() if key != "pga"}
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
-    pga, duration = parse_acceleration("pga", given["pga"], "0.1g"), numbers["duration"]
-    first = numbers["frequency"] if name == "sine" else numbers["first"]
-    last = numbers["frequency"] if name == "sine" else numbers["last"]
+    pga, duration = parse_with_unit(given["pga"], "acceleration", "0.1g", "pga"), numbers["duration"]
+    first, last = (numbers["frequency" if name == "sine" else end] for end in ("first", "last"))
     if not duration * max(first, last) <= _MOST_TURNS:
         raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
     return Sweep(first, last, duration, pga)

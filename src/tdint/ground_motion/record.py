@@ -260,27 +260,23 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
     samples = np.zeros(starts[-1] + records[-1].acceleration.size)
     for record, start in zip(records, starts, strict=True):
         samples[start : start + record.acceleration.size] = record.acceleration
+
+    taken: dict[str, Any] = {}
+    for name in ("notes", "warnings", "inputs", "processing"):
+        taken[name] = tuple(dict.fromkeys(item for record in records for item in getattr(record, name)))
+    others = {"id": "", "units": "", "units_from": "", "quantity": "acceleration", "scale": 1.0}
+    for name, other in others.items():
+        values = {getattr(record, name) for record in records}
+        taken[name] = values.pop() if len(values) == 1 else other
     return replace(
         records[0],
         acceleration=samples,
-        id=_common([record.id for record in records], ""),
         component=" + ".join(dict.fromkeys(record.component for record in records)),
         source=" + ".join(record.source for record in records),
-        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
-        warnings=tuple(dict.fromkeys(text for record in records for text in record.warnings)),
-        inputs=tuple(dict.fromkeys(source for record in records for source in record.inputs)),
-        units=_common([record.units for record in records], ""),
-        units_from=_common([record.units_from for record in records], ""),
-        quantity=_common([record.quantity for record in records], "acceleration"),
-        processing=tuple(dict.fromkeys(step for record in records for step in record.processing)),
         compared=tuple(text for record in records for text in record.compared),
-        scale=records[0].scale if len({record.scale for record in records}) == 1 else 1.0,
         peaks=(None, None),
+        **taken,
     )
-
-
-def _common(values: Sequence[str], other: str) -> str:
-    return values[0] if len(set(values)) == 1 else other
 
 
 @dataclass(frozen=True, repr=False)
@@ -331,16 +327,9 @@ _SAME_INTERVAL = 1e-12
 numbers, or in single precision."""
 
 
-@dataclass(frozen=True)
-class Exported:
-    """A file of motions, and what there is to say of it."""
-
-    content: bytes
-    notes: tuple[str, ...]
-
-
-def to_mseed(motions: Sequence[Record]) -> Exported:
-    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA), its start if known.
+def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
+    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA), its start if known;
+    and what there is to say of the file.
 
     Raises
     ------
@@ -369,4 +358,4 @@ def to_mseed(motions: Sequence[Record]) -> Exported:
     notes = []
     if not math.isclose(stored, dt, rel_tol=_SAME_INTERVAL):
         notes.append(f"MiniSEED has a sampling interval of {stored:.12g} s for {dt:.12g} s")
-    return Exported(content.getvalue(), tuple(notes))
+    return content.getvalue(), tuple(notes)

@@ -321,7 +321,12 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
             # Draws that leave it as it is have nan.
             drawn[place] = np.where(np.isnan(given), before, before * given if change.factor else given)
             set_laws |= {change.story} if change.of_law else set()
-    _follow_laws(model, numbers, drawn, set_laws, draws)
+    # The stiffness of laws that have their own follows where their numbers were set.
+    for i in set_laws:
+        if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
+            columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
+            rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
+            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in rows.tolist()])
 
     # The tables of the base, with what changes put into them.
     linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
@@ -375,18 +380,6 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
 
 _TERMS = {MASS: at.MASS, DASHPOT: at.DASHPOT, POWER.start: at.POWER_DAMPER}
 """Rows of the linear terms by the columns of a story's numbers."""
-
-
-def _follow_laws(
-    model: Model, numbers: Sequence[Sequence[float]], drawn: dict[tuple[int, int], Array], stories: set[int], draws: int
-) -> None:
-    """The stiffness of laws that have their own, where their numbers were set."""
-    for i in stories:
-        stiffness_of = LAWS[model.stories[i].law.name].initial_stiffness
-        if stiffness_of:
-            columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
-            rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
-            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in rows.tolist()])
 
 
 def weight_over_height(model: Model) -> Array:
@@ -481,13 +474,10 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = set(building.law_parameters[at.CODE, :-1].tolist())
+    codes = {CODES["linear"], *building.law_parameters[at.CODE, :-1].tolist()}
+    names = (name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes)
     return Variant(
-        laws=tuple(
-            name if code < OURS else f"{name}@{code}"
-            for name, code in CODES.items()
-            if code in codes or name == "linear"
-        ),
+        laws=tuple(names),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
@@ -519,7 +509,15 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
                 f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
                 f"{available / 2**30:.0f}: give damping.rayleigh"
             )
-        return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
+        modes, ratios = vibration.modes, np.array(damping.ratios)
+        # Rows sqrt(2 xi omega) M phi; one ratio stands for all modes, several for the first ones.
+        if ratios.size == 1:
+            ratios = np.full(n, ratios[0])
+        damped = np.flatnonzero(ratios)
+        factors = np.sqrt(2.0 * ratios[damped] * modes.omega[damped])
+        rows = np.zeros((damped.size, n + 1))
+        rows[:, :-1] = (linear_terms[at.MASS, :n, None] * modes.shapes[:, damped] * factors).T
+        return rows
     # Ratios become coefficients by the frequencies of this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
@@ -570,14 +568,3 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
         stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,
     )
-
-
-def modal_rows(modes: Modes, mass: Array, ratios: Array) -> Array:
-    """Rows sqrt(2 xi omega) M phi; one ratio stands for all modes, several for the first ones."""
-    if ratios.size == 1:
-        ratios = np.full(modes.omega.size, ratios[0])
-    damped = np.flatnonzero(ratios)
-    rows = np.zeros((damped.size, mass.size + 1))
-    factors = np.sqrt(2.0 * ratios[damped] * modes.omega[damped])
-    rows[:, :-1] = (mass[:, None] * modes.shapes[:, damped] * factors).T
-    return rows

@@ -638,17 +638,17 @@ def check_parameter(name: str) -> None:
 
 def check_value(name: str, value: float) -> None:
     """Raise UsageError for a value out of range, as far as its name alone tells."""
+    of_law = ".law." in name
     if name == "damping":
-        if not 0.0 <= value < 1.0:
-            raise UsageError(f"{name} must be a ratio from 0 to less than 1, got {value!r}")
-    elif name.endswith(".dashpot") or name.endswith(".linear_below"):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise UsageError(f"{name} must be a number from 0 on, got {value!r}")
-    elif not (math.isfinite(value) and (value > 0.0 or ".law." in name)):
-        kind = "number" if ".law." in name else "positive number"
-        raise UsageError(f"{name} must be a {kind}, got {value!r}")
-    elif name.endswith("dashpot.exponent") and value > 2.0:
-        raise UsageError(f"{name} must lie in (0, 2], got {value!r}")
+        is_right, kind = 0.0 <= value < 1.0, "be a ratio from 0 to less than 1"
+    elif name.endswith((".dashpot", ".linear_below")):
+        is_right, kind = value >= 0.0, "be a number from 0 on"
+    elif name.endswith("dashpot.exponent") and 2.0 < value < math.inf:
+        is_right, kind = False, "lie in (0, 2]"
+    else:
+        is_right, kind = of_law or value > 0.0, "be a number" if of_law else "be a positive number"
+    if not (is_right and math.isfinite(value)):
+        raise UsageError(f"{name} must {kind}, got {value!r}")
 
 
 def damped_by(model: Model, ratio: float) -> Damping:

@@ -224,10 +224,7 @@ class _Table:
             sound = np.array([bool(name) and count[name] == 1 for name in ids])
         sound[list(self.overfull)] = False
         for name in self.numbers.keys() & _NUMBERS.keys():
-            values, bounds = self.numbers[name], _NUMBERS[name]
-            right = (values >= bounds.low if bounds.low_allowed else values > bounds.low) & (
-                values <= bounds.high if bounds.high_allowed else values < bounds.high
-            )
+            right = _NUMBERS[name].allow(self.numbers[name])
             # A number that may be left out is none where nothing stands.
             if name not in NEEDED and not right.all():
                 right |= np.array([not text for text in self.columns[self.places[name]]])
@@ -363,20 +360,19 @@ class _Row:
 
     def building(self) -> InventoryRow | None:
         """The building; None after a fault."""
-        classes, given = self._of.classes, self._given
+        classes, given = self._of.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         name = self._cell("id")
         if not name:
             self.fault(self._places["id"], "id", "is missing")
-        latitude = self._number("Latitude") if given("Latitude") else None
-        longitude = self._number("Longitude") if given("Longitude") else None
+        latitude, longitude = (self._number(name) if given(name) else None for name in _PLACES)
         if facts is None or len(self._faults) > self._before:
             return None
         return InventoryRow(name, facts, latitude, longitude)
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
         """What is said of a building of a class; None after a fault."""
-        name, given, length, published = self._cell("class"), self._given, self._of.length, self._of.as_published
+        name, given, length, published = self._cell("class"), self._cell, self._of.length, self._of.as_published
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
             self.fault(self._places["class"], "class", f"unknown {name!r}; known: {names}" if name else "is missing")
@@ -392,7 +388,7 @@ class _Row:
 
     def _facts(self) -> BuildingFacts:
         """What is said of a building by its type."""
-        given, length = self._given, self._of.length
+        given, length = self._cell, self._of.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
             structure=self._word("StructureType", {structure.lower(): structure for structure in STRUCTURES}),
@@ -408,9 +404,6 @@ class _Row:
 
     def _cell(self, name: str) -> str:
         return self._cells[self._places[name]] if name in self._places else ""
-
-    def _given(self, name: str) -> bool:
-        return bool(self._cell(name))
 
     def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
         text, bounds = self._cell(name), bounds or _NUMBERS[name]

@@ -113,16 +113,11 @@ class DerivedBuilding:
         """The stories of a model."""
         strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
         columns = (self.mass, self.height, self.stiffness, *strengths)
-        return tuple(
-            Story(
-                mass=mass,
-                height=height,
-                stiffness=stiffness,
-                law=Law("trilinear-pinching", (strength, ultimate, drift, self.pinching, self.unloading)),
-                dashpot=0.0,
-            )
-            for mass, height, stiffness, strength, ultimate, drift in zip(*(c.tolist() for c in columns), strict=True)
-        )
+        stories = []
+        for mass, height, stiffness, *of_law in zip(*(column.tolist() for column in columns), strict=True):
+            law = Law("trilinear-pinching", (*of_law, self.pinching, self.unloading))
+            stories.append(Story(mass, height, stiffness, law, dashpot=0.0))
+        return tuple(stories)
 
 
 LEVELS = ("pre", "low", "moderate", "high")

@@ -60,11 +60,7 @@ DAMPING = Usual(
     "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05",
 )
 HEIGHT = Usual(
-    "story height",
-    1.5,
-    15.0,
-    _METERS,
-    "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
+    "story height", 1.5, 15.0, _METERS, "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?"
 )
 FLOOR = Usual(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
@@ -120,14 +116,8 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     if model.as_meant:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
-    told = []
-    for bound, value in (
-        (PERIOD, 2.0 * math.pi / omega),
-        (DAMPING, damping),
-        (COLLAPSE, model.collapse_drift),
-    ):
-        if not bound.holds(value):
-            told.append(bound.told(bound.text(value)))
+    judged = ((PERIOD, 2.0 * math.pi / omega), (DAMPING, damping), (COLLAPSE, model.collapse_drift))
+    told = [bound.told(bound.text(value)) for bound, value in judged if not bound.holds(value)]
     told += doubt_of_peak(pga)
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]

@@ -90,11 +90,6 @@ class Recording:
     window: tuple[float, float] | None
     shift: float | str
 
-    @property
-    def sensors(self) -> tuple[Sensor, ...]:
-        """All sensors, those of the base first."""
-        return (*self.base, *(sensor for _, sensors in self.floors for sensor in sensors))
-
 
 ROOF = "roof"
 AUTO = "auto"

@@ -16,7 +16,7 @@ from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
-from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
+from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
 from tdint.written_numbers import how_many
 
 # ---- The text of a first model file: a building that runs as it is, with comments on what to replace
@@ -37,17 +37,13 @@ class _System:
     height: float
     load_key: str
     load: float
-    load_in_kg: float
     area: str
 
 
 SYSTEMS = {
-    "si": _System("{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, 300e3, "m"),
-    "us": _System(
-        "{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0,
-        600.0 * FORCE["kip"] / STANDARD_GRAVITY, "ft",
-    ),
-}  # fmt: skip
+    "si": _System("{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, "m"),
+    "us": _System("{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0, "ft"),
+}
 
 
 @dataclass(frozen=True)
@@ -127,9 +123,7 @@ def story_model(
 
 def _in_a_line(units: _System, loads: Sequence[float], omega: float) -> tuple[list[float], list[float]]:
     """Stiffnesses and strengths with which the first mode is a straight line, in the system's units."""
-    in_kg = units.load_in_kg / units.load
-    if units.load_key == "weight":
-        in_kg = FORCE[units.force] / STANDARD_GRAVITY
+    in_kg = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
     masses = [in_kg * load for load in loads]
     moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
     above = [math.fsum(moments[i:]) for i in range(len(moments))]
@@ -269,12 +263,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     if not curves or stories.size != sum(part.shape[1] for part in curves.values()):
         raise ModelError(f"{source}: story: numbers from 1 at the ground are needed")
     for story, (drifts, shears) in curves.items():
-        if (
-            drifts.size < _FEWEST
-            or np.any(np.diff(drifts) < 0.0)
-            or drifts[0] < 0.0
-            or np.max(shears, initial=0.0) <= 0
-        ):
+        grows = drifts.size >= _FEWEST and drifts[0] >= 0.0 and np.all(np.diff(drifts) >= 0.0)
+        if not grows or np.max(shears) <= 0.0:
             raise ModelError(
                 f"{source}: story {story}: a curve has {_FEWEST} points at least, positive shears, and drifts that "
                 "grow from zero"

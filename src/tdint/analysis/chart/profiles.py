@@ -576,7 +576,7 @@ def _entry(
     """One problem: its name, its reason, its model or the file of it, and the factor of each motion; None after a
     fault."""
     name, value = entry.need("name", "give the problem a name"), entry.need("model", "give a model or its file")
-    scales = entry.need("scales", "give a factor for each record: {NAME: 1}")
+    scales, reason = entry.need("scales", "give a factor for each record: {NAME: 1}"), entry.get("reason")
     label = name.text() if name else None
     # A model stands here itself or in a file; what it says of a record does not count.
     model: Model | str | None = None
@@ -591,4 +591,4 @@ def _entry(
             factors[motion] = factor.number()
             if factors[motion] == 0.0:
                 factor.fault("must not be zero")
-    return (label, entry.text("reason") or "", model, factors) if label and model else None
+    return (label, (reason.text() if reason else "") or "", model, factors) if label and model else None

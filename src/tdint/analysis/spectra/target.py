@@ -23,7 +23,7 @@ from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
 from tdint.ground_motion.record import Input, Record
-from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_acceleration, parse_units
+from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_units, parse_with_unit
 from tdint.written_numbers import parse_named, parse_positive, parse_ratio
 
 Texts = Mapping[str, str]
@@ -136,7 +136,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
     s, tb, tc, td = (parse_positive(key, given[key]) if key in given else value for key, value in recommended.items())
     if not tb < tc < td < _EC8_END:
         raise UsageError(f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s")
-    ag = parse_acceleration("ag", given["ag"], "0.25g")
+    ag = parse_with_unit(given["ag"], "acceleration", "0.25g", "ag")
     damping = parse_ratio(given.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
         raise UsageError(f"damping must lie between 0 and 100 %, got {given['damping']!r}")

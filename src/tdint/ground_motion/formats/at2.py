@@ -11,7 +11,7 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes
-from tdint.ground_motion.formats.series import Codes, Series, code, motion_units, reader, required_units
+from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
 from tdint.ground_motion.record import Record
 from tdint.units import STANDARD_GRAVITY
 
@@ -52,7 +52,7 @@ def read_at2(lines: Lines) -> list[Series]:
     values = lines.numbers(count)
 
     # Station and component: the last two parts of the second line of PEER's own headers.
-    codes: Codes = {}
+    codes: dict[str, Any] = {}
     parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
     if len(parts) > 2 and (component := _COMPONENT.match(parts[-1])):
         codes = {"station": code(parts[-2]), "channel": component[1]}

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
-    Codes,
     Series,
     by_parts,
     code,
@@ -170,13 +169,11 @@ def _series(
     )
 
 
-def _codes(texts: list[str]) -> Codes:
+def _codes(texts: list[str]) -> dict[str, Any]:
     """Codes of the channel: those of SEED where a comment gives them, else what the lines of text say."""
     if codes := first_match(_CODES, texts):
         location = codes[4].strip("-")
-        return Codes(station=codes[1], channel=codes[2], network=codes[3], location=location)
+        return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}
     station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
-    named = Codes(network=station[1], station=station[2]) if station else Codes()
-    if channel:
-        named |= Codes(location=code(channel[1]), channel=code(channel[2]).upper())
-    return named
+    named = {"network": station[1], "station": station[2]} if station else {}
+    return named | ({"location": code(channel[1]), "channel": code(channel[2]).upper()} if channel else {})

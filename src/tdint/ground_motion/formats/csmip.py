@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, equal_steps, finest_step, recognizes
 from tdint.ground_motion.formats.series import (
-    Codes,
     Series,
     by_parts,
     code,
     first_match,
+    header_field,
     moment,
     motion_scale,
     required_units,
@@ -69,14 +69,14 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     if not points:
         raise RecordError("its header does not give the number of points")
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
-    steps = equal_steps(pairs[::2], _SLACK)
-    samples, dt = pairs[1::2].copy(), steps.dt
-    if steps.departure:
+    mean, departure = equal_steps(pairs[::2], _SLACK)
+    samples, dt = pairs[1::2].copy(), mean
+    if departure:
         times = pairs[::2] - pairs[0]
-        dt = finest_step(pairs[::2], steps.dt)
+        dt = finest_step(pairs[::2], mean)
         samples = np.interp(dt * np.arange(round(times[-1] / dt) + 1), times, samples)
         warnings.warn(
-            f"the times in the file are up to {steps.departure:.2g} s off equal steps of {steps.dt:.6g} s: the motion "
+            f"the times in the file are up to {departure:.2g} s off equal steps of {mean:.6g} s: the motion "
             f"is linear between the file's own times, sampled at {dt:.6g} s",
             stacklevel=2,
         )
@@ -154,13 +154,12 @@ def read_csmip(lines: Lines) -> list[Series]:
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
     lines.numbers(REALS, REAL_WIDTH)
-    line = lines.peek()
-    equal = _EQUAL.match(line) if line is not None else None
-    if line and (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
+    line = lines.peek() or ""
+    if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
         lines.take()
         return Series(lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]))
     # Older files have pairs of time and acceleration, later ones equal steps.
-    if not (line and equal):
+    if not (equal := _EQUAL.match(line)):
         return read_pairs(lines, texts)
     lines.take()
     samples = lines.numbers(int(equal[1]), _width(line))
@@ -209,10 +208,8 @@ def _width(line: str) -> int:
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
 
 
-def _codes(texts: list[str]) -> Codes:
+def _codes(texts: list[str]) -> dict[str, Any]:
     """The channel's number as location code, because several channels may have one azimuth."""
-    station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
-    codes = Codes(station=station[1]) if station else Codes()
-    if channel:
-        codes |= Codes(location=channel[1], channel=code(channel[2]).upper())
-    return codes
+    channel = first_match(_CHANNEL, texts)
+    named = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
+    return {"station": header_field(_STATION, texts), **named}

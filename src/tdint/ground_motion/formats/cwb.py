@@ -64,7 +64,7 @@ def read_cwb(lines: Lines) -> list[Series]:
     if not (names and rate and units):
         raise RecordError("its header does not give the sampling rate, the units and the order of the columns")
     times, *columns = lines.rest(1 + len(names))
-    dt = equal_steps(times).dt
+    dt, _ = equal_steps(times)
     statements = [Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")]
     length = first_match(_LENGTH, texts)
     if length and abs(float(length[1]) * float(rate[1])) < _MOST:

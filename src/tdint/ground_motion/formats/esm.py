@@ -27,8 +27,7 @@ _TIME = re.compile(
 def is_esm(file: Any, **_: Any) -> bool:
     """Whether a file begins with the keys of this header."""
     return recognizes(
-        file,
-        lambda lines: lines[0].startswith("EVENT_NAME:") and any(line.startswith(f"{_STEP}:") for line in lines),
+        file, lambda lines: lines[0].startswith("EVENT_NAME:") and any(line.startswith(f"{_STEP}:") for line in lines)
     )
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 
@@ -355,16 +354,8 @@ def _places(line: str) -> list[int]:
     return [len(number.partition(".")[2]) for number in _ONE.findall(line)]
 
 
-@dataclass(frozen=True)
-class SamplingInterval:
-    """Sampling interval, s, and how far the times are from equal steps, s; 0 if rounding explains it."""
-
-    dt: float
-    departure: float
-
-
-def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> SamplingInterval:
-    """Find the sampling interval of printed times.
+def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
+    """Sampling interval of printed times, s, and how far they are from equal steps, s; 0 if rounding explains it.
 
     Parameters
     ----------
@@ -398,9 +389,9 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> SamplingInter
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
     departure = float(max(np.max(off_grid), np.max(off_interval)))
     if departure <= allowed * (1.0 + 1e-6):
-        return SamplingInterval(dt, 0.0)
+        return dt, 0.0
     if departure <= slack * duration:
-        return SamplingInterval(dt, departure)
+        return dt, departure
     place = int(np.argmax(off_interval))
     raise RecordError(
         f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s apart "

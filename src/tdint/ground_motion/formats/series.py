@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import wraps
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,6 @@ with quiet_import():
 
 CLOCK = r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d*)?)"
 """Pattern of a time of the day, for `moment_in`."""
-
-
-class Codes(TypedDict, total=False):
-    """The names of a component, those that a file gives."""
-
-    channel: str
-    station: str
-    location: str
-    network: str
 
 
 @dataclass(frozen=True)
@@ -164,11 +155,8 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
 
 
 def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
-    header: dict[str, Any] = {
-        "network": part.network,
-        "station": part.station,
-        "location": part.location,
-        "channel": part.channel,
+    codes = {name: getattr(part, name) for name in ("network", "station", "location", "channel")}
+    header: dict[str, Any] = codes | {
         "delta": part.dt,
         "npts": part.samples.size,
         "tdint_compared": compared,

@@ -132,7 +132,7 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     times = _times(columns, header.names, chosen, layout)
     stated = header.intervals()
     if times is not None:
-        stated.append(equal_steps(times).dt)
+        stated.append(equal_steps(times)[0])
     if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
         raise RecordError(f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s")
     dt = next(iter(stated), None) or layout.step

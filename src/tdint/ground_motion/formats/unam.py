@@ -24,12 +24,7 @@ _STATION = re.compile(r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)", re.IGNORECASE
 _UNITS = re.compile(r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
 _STEPS, _COUNTS, _PEAKS, _NAMES = (
     re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
-    for key in (
-        r"INTERVALO DE MUESTREO",
-        r"NUM\. TOTAL DE MUESTRAS",
-        r"ACEL\. MAX\.\s*\(Gal\)",
-        r"ORIENTACI[OÓ]N",
-    )
+    for key in ("INTERVALO DE MUESTREO", r"NUM\. TOTAL DE MUESTRAS", r"ACEL\. MAX\.\s*\(Gal\)", "ORIENTACI[OÓ]N")
 )
 _DATE = re.compile(r"^\s*FECHA DEL SISMO\s*\[GMT\]\s*:\s*(\d+)/(\d+)/(\d+)", re.IGNORECASE)
 _ORIGIN = re.compile(r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE)

@@ -25,6 +25,7 @@ _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
 _KINDS = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE SPECTRA|FOURIER AMPLITUDE)"
 )
+_EIGHT = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 """By the kind of series, where it is or may be a ground motion."""
 
@@ -41,12 +42,7 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 def is_smc(file: Any, **_: Any) -> bool:
     """Whether a file begins with this format's kind of series and has eight integers in line 12."""
-
-    def matches(lines: list[str]) -> bool:
-        integers = lines[_TEXTS].split()
-        return bool(_KINDS.match(lines[0])) and len(integers) == 8 and all(n.lstrip("-").isdigit() for n in integers)
-
-    return recognizes(file, matches)
+    return recognizes(file, lambda lines: _KINDS.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS]))
 
 
 @reader

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.data import dataclass
 from tdint.errors import RecordError
-from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.files import MOST_BYTES, note_input, read_whole
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
@@ -82,27 +82,21 @@ def read_bytes(source: str | Path) -> bytes:
     RecordError
         The file is missing, no file, not readable, empty, or larger than 256 MiB.
     """
-    try:
-        content = read_at_most(source, LARGEST, RecordError)
-    except FileNotFoundError:
-        # What the user may have meant by a name that is no file.
-        hint = ""
-        if "://" in str(source):
-            hint = "; addresses are not fetched, download the record first"
-        elif any(sign in str(source) for sign in "*?["):
-            hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
-        raise RecordError(f"{source}: there is no such file{hint}") from None
-    except IsADirectoryError:
-        raise RecordError(f"{source}: is a directory; name the record's file in it") from None
-    except PermissionError:
-        raise RecordError(f"{source}: no permission to read the file") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the name again
-        raise RecordError(f"{source}: cannot be read: {reason}") from error
+    # What the user may have meant by a name that is no file.
+    hint = ""
+    if "://" in str(source):
+        hint = "; addresses are not fetched, download the record first"
+    elif any(sign in str(source) for sign in "*?["):
+        hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+    told: dict[type[Exception], str] = {
+        FileNotFoundError: f"there is no such file{hint}",
+        IsADirectoryError: "is a directory; name the record's file in it",
+        PermissionError: "no permission to read the file",
+    }
+    large = "the file is larger than 256 MiB; cut the event out of it first"
+    content = read_whole(source, RecordError, told, large, LARGEST)
     if not content:
         raise RecordError(f"{source}: the file is empty")
-    if len(content) > LARGEST:
-        raise RecordError(f"{source}: the file is larger than 256 MiB; cut the event out of it first")
     return content
 
 
@@ -117,7 +111,7 @@ def is_archive(data: bytes) -> bool:
     return data.startswith(_ZIP)
 
 
-def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
+def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
     """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files within it.
 
     The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the archive states.
@@ -127,8 +121,7 @@ def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
     RecordError
         The archive is damaged, encrypted, or larger than 256 MiB in all when uncompressed.
     """
-    budget = [LARGEST]
-    return list(_members(data, source, budget, 1))
+    return _members(data, source, [LARGEST], 1)
 
 
 def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
@@ -216,7 +209,7 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
     """Names and formats of the records in a file: of itself, or of those in an archive. Errors are `read_bytes`'."""
     data = read_bytes(source)
-    parts = members(data, source) if is_archive(data) else [(source, data)]
+    parts = [*members(data, source)] if is_archive(data) else [(source, data)]
     known = [(part, _format_of(content, layout)) for part, content in parts]
     return [(part, plugin.name) for part, plugin in known if plugin]
 
@@ -225,7 +218,7 @@ def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list
     """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
     parts = [(source, data)]
     if is_archive(data):
-        files = members(data, source)
+        files = [*members(data, source)]
         parts = [(part, content) for part, content in files if _format_of(content, layout)]
         if not parts:
             listed = ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10]) or "nothing"
@@ -335,12 +328,11 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
+    offers: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
+    if layout:
+        offers += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
     with caught_messages():
-        plugin_of_data = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
-        if plugin_of_data is None and layout:
-            tables = (plugin for plugin in plugins() if plugin.name == TABLES)
-            plugin_of_data = next((plugin for plugin in tables if _accepts(plugin, data, layout=layout)), None)
-    return plugin_of_data
+        return next((plugin for plugin, said in offers if _accepts(plugin, data, **said)), None)
 
 
 def _accepts(plugin: Plugin, data: bytes, **said: Any) -> bool:

@@ -36,11 +36,6 @@ class Instruments:
     inventory: Any
     input: Input
 
-    @property
-    def source(self) -> str:
-        """The file as the user named it."""
-        return self.input.file
-
 
 def read_instruments(source: str | Path) -> Instruments:
     """Read a StationXML file.
@@ -59,22 +54,19 @@ def read_instruments(source: str | Path) -> Instruments:
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
-
     (read_format,) = distribution("obspy").entry_points.select(
         group="obspy.plugin.inventory.STATIONXML", name="readFormat"
     )
     with quiet_import():
         function = read_format.load()
     try:
+        parser.Parse(data, True)
         with caught_messages():
             return Instruments(function(BytesIO(data)), digested(data, source))
+    except RecordError:
+        raise
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
-        reason = one_line(str(error))
-        raise RecordError(f"{source}: cannot be read as StationXML: {reason}") from error
+        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
 
 
 def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[Array, tuple[str, ...]]:
@@ -117,9 +109,9 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
             counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
     except Exception as error:  # ObsPy and evalresp raise many kinds for a response they cannot evaluate.
         reason = one_line(str(error))
-        raise RecordError(f"{label}: its response in {instruments.source} cannot be removed: {reason}") from error
+        raise RecordError(f"{label}: its response in {instruments.input.file} cannot be removed: {reason}") from error
     faded = f", frequencies are faded out from {fade[0]:.4g} to {fade[1]:.4g} Hz" if fade else ""
-    notes = [mean_note, f"the instrument's response ({instruments.source}) is removed{faded}"]
+    notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{faded}"]
     of_input = response.instrument_sensitivity or response.response_stages[0]
     unit = str(of_input.input_units or "unknown units").upper()
     if unit not in _ACCELEROMETER_INPUT:
@@ -138,7 +130,7 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
 
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
-    start = trace.stats.starttime
+    start, file = trace.stats.starttime, instruments.input.file
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # That several epochs match: the first one is taken, as ObsPy does.
@@ -147,10 +139,10 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
         channels = sorted(set(instruments.inventory.get_contents()["channels"]))
         listed = ", ".join(channels[:20]) + (", ..." if len(channels) > 20 else "")
         raise RecordError(
-            f"{label}: {instruments.source} has no response for {trace.id} at {start}; its channels are {listed or '-'}"
+            f"{label}: {file} has no response for {trace.id} at {start}; its channels are {listed or '-'}"
         ) from None
     if not response.response_stages:
-        raise RecordError(f"{label}: {instruments.source} gives {trace.id} without the stages of its response")
+        raise RecordError(f"{label}: {file} gives {trace.id} without the stages of its response")
     return response
 
 

@@ -19,6 +19,7 @@ from tdint.ground_motion.reading.contents import digested, read_bytes
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.signal import Signal
 from tdint.units import parse_units
+from tdint.written_numbers import number_or_nan
 
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in the name of a column, and their values in s."""
@@ -62,10 +63,7 @@ class NamedTable:
         """The numbers of a column, shape (rows,); RecordError for a cell that is none or not finite."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
-            try:
-                values[i] = float(cells[place].replace(",", ".") if self.comma else cells[place])
-            except ValueError:
-                values[i] = np.nan
+            values[i] = number_or_nan(cells[place].replace(",", ".") if self.comma else cells[place])
             if not isfinite(values[i]):
                 shown = cells[place].strip()[:40]
                 name = self.names[place][:40]
@@ -135,12 +133,12 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
             f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
         ) from None
     try:
-        step = equal_steps(times)
+        dt, _ = equal_steps(times)
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     return Signal(
         samples=stated.scale * table.numbers(place),
-        dt=step.dt,
+        dt=dt,
         quantity=stated.quantity,
         label=f"{source}: {column}",
         start=float(times[0]),

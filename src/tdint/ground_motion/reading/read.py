@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.choice import AS_STATED, TextLayout
+from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
@@ -207,7 +207,7 @@ def read_record(
         The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite, counts of unknown
         value, no such component, or several and none is named.
     """
-    (record,) = _read(source, units, component, inventory, layout, single=True)
+    (record,) = _read(source, RecordChoice(units, component, inventory, layout=layout), single=True)
     return record
 
 
@@ -224,7 +224,7 @@ def read_records(
     Parameters and errors are those of `read_record`; that the components differ in their sampling interval is
     a RecordError, too. Channels without numbers (a recorder's log) are left out.
     """
-    return _read(source, units, component, inventory, layout, single=False)
+    return _read(source, RecordChoice(units, component, inventory, layout=layout), single=False)
 
 
 def make_record(
@@ -321,19 +321,11 @@ def read_horizontals(
     return find_horizontals([component for source in sources for component in read(source)])
 
 
-def _read(
-    source: str | Path,
-    units: SampleUnits | None,
-    component: str | None,
-    inventory: str | Path | None,
-    layout: TextLayout,
-    *,
-    single: bool,
-) -> tuple[Record, ...]:
-    said = file_units(units)
+def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Record, ...]:
+    said, inventory = file_units(choice.units), choice.inventory
     if said.for_all and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
-    components, input_file = _components(source, component, layout, single=single)
+    components, input_file = _components(source, choice, single=single)
     instruments = None
     if inventory is not None:
         from tdint.ground_motion.reading.instrument import read_instruments
@@ -352,7 +344,7 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
     Parameters and errors are those of `read_record`.
     """
     parsed = None if units is None else parse_units(units)
-    ((part, trace),), input_file = _components(source, component, AS_STATED, single=True)
+    ((part, trace),), input_file = _components(source, RecordChoice(component=component), single=True)
     motion = to_motion(trace, part.contents.format, parsed, part.label)
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, part.label)
@@ -371,15 +363,13 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
     )
 
 
-def _components(
-    source: str | Path, component: str | None, layout: TextLayout, *, single: bool
-) -> tuple[list[tuple[_Channel, Any]], Input]:
-    """The components of a file, or the one of this name, each with its trace; and the file."""
+def _components(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[list[tuple[_Channel, Any]], Input]:
+    """The components of a file, or the chosen one, each with its trace; and the file."""
     if not isinstance(source, str | Path):
         raise RecordError(f"a record is a file's name, got {source!r:.60}")
-    name = str(source)
+    name, component = str(source), choice.component
     data = read_bytes(source)
-    parts = read_parts(data, name, layout)
+    parts = read_parts(data, name, choice.layout)
     components = [channel for part, contents in parts for channel in _channels_of(part, contents)]
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component is a text such as 'HNE', got {component!r}")

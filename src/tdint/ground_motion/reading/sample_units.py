@@ -49,10 +49,7 @@ class FileUnits:
     def of(self, source: str, format_name: str) -> Units | None:
         """Units of a file by its name and its format; None where nothing is said of it."""
         path = _lower(source)
-        for pattern, units in self.entries:
-            if _fits(pattern, path, format_name):
-                return units
-        return None
+        return next((units for pattern, units in self.entries if _fits(pattern, path, format_name)), None)
 
     def refuse_unfit(self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]) -> None:
         """Refuse an entry that fits none of the files of a call: a mistaken name, for which units would be assumed.

@@ -52,7 +52,7 @@ class Sources:
     failures: tuple[RecordError, ...]
 
 
-def records_of(arguments: Sequence[str], choice: RecordChoice | None = None) -> Sources:
+def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     """Files as they are given; of a folder the records in it, by name.
 
     What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file that cannot be read
@@ -63,7 +63,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice | None = None) -> 
     UsageError
         Standard input is given more than once; units by file of which an entry fits none of them.
     """
-    choice = choice or RecordChoice()
     layout = choice.layout
     if arguments.count(STDIN) > 1:
         raise UsageError("standard input (-) can be read only once")
@@ -188,12 +187,11 @@ def _counted_twice(records: Sequence[Record]) -> list[str]:
     return [f"the same motion counts more than once in every mean: {first_few(again, _MOST_NAMES)}"]
 
 
-def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
+def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
     """The horizontal components of files, each for itself; one that is named may be any.
 
     A file that cannot be read does not keep the others from being taken.
     """
-    choice = choice or RecordChoice()
     records: list[GroundMotion] = []
     failures: list[RecordError] = []
     notes: list[str] = []
@@ -214,7 +212,7 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
-def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: PairNames = USUAL) -> Suite:
+def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = USUAL) -> Suite:
     """Pairs of horizontal components: of one file, or of files that are named alike but for the component.
 
     Raises
@@ -222,7 +220,6 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
     UsageError
         No file has one of the names given.
     """
-    choice = choice or RecordChoice()
     # Files go together by their names alone, before any of them is read.
     groups, others = files_of_motions(files, names)
     pairs: list[GroundMotion] = []

@@ -84,29 +84,14 @@ from tdint.written_numbers import parse_head
 # Keys of `excitation.record` are named like the command's options.
 
 PROCESSING = (
-    Key("trim", Words(), "START:END in s from the first sample"),
+    Key("trim", Words(parse_trim), "START:END in s from the first sample"),
     Key("baseline", Choice(tuple(BASELINES), "baseline"), "what is taken off the acceleration"),
-    Key("pad", Words(), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key("pad", Words(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
     Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
-
-
-def read_processing(section: Section) -> Processing:
-    """The processing that the entries of a section ask for; none of it if one of them is faulty."""
-    parsers: dict[str, Callable[[str], object]] = {"trim": parse_trim, "pad": parse_pad}
-    there = {key.name: value for key in PROCESSING if (value := section.get(key.name))}
-    values = {name: value.parsed(parsers[name]) if name in parsers else value.read() for name, value in there.items()}
-    if None in values.values():
-        return Processing()
-    try:
-        return Processing(**values)  # type: ignore[arg-type]
-    except UsageError as error:
-        section.value.fault(str(error))
-        return Processing()
-
 
 LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not tell it, s"),
@@ -115,23 +100,22 @@ LAYOUT = (
 )
 
 
-def read_layout(section: Section) -> TextLayout:
-    """What the entries of a section say; nothing if one of them is faulty."""
-    step, column, lines = values = [section.read(key.name) for key in LAYOUT]
-    if any(section.has(key.name) and value is None for key, value in zip(LAYOUT, values, strict=True)):
-        return AS_STATED
-    return TextLayout(step, (column,) if column else (), lines)
-
-
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
     """What the entries of a section say of a file of records, or of `many`; station metadata may come from standard
-    input."""
+    input. Of the layout, and of the processing, there is nothing if one of its entries is faulty."""
+    layout, steps = (section.given(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING))
+    processing = Processing()
+    if None not in steps.values():
+        try:
+            processing = Processing(**steps)
+        except UsageError as error:
+            section.value.fault(str(error))
     return RecordChoice(
         units=(read_file_units if many else read_sample_units)(section.get("units")),
-        component=section.text("component"),
+        component=section.read("component"),
         inventory=section.file("inventory", stdin=stdin),
-        processing=read_processing(section),
-        layout=read_layout(section),
+        processing=processing,
+        layout=AS_STATED if None in layout.values() else TextLayout(**layout),
     )
 
 
@@ -171,8 +155,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        record_within(record) if record else None,
-        tuple(_read_force(item, unit, count) for item in items or ()),
+        record_within(record) if record else None, tuple(_read_force(item, unit, count) for item in items or ())
     )
 
 
@@ -240,6 +223,9 @@ def _as_meant(text: str) -> str:
     return reason.strip()
 
 
+_OFF, _HEAD = Words(_as_meant), Words(parse_head)
+
+
 def model_keys() -> Keys:
     """The keys of a model file, and what may stand under them."""
     from tdint.model.config.building_facts import BUILDING  # needs numpy, which most models are read without
@@ -260,10 +246,10 @@ _MODEL = Keys(
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
         Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
-        Key("plausibility", Words(), "`off, REASON`: what is unusual of the building is not told, but the reason is"),
+        Key("plausibility", _OFF, "`off, REASON`: what is unusual of the building is not told, but the reason is"),
         Key("damage", DAMAGE, "damage states of the building"),
         Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
-        Key("report", Words(), "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'"),
+        Key("report", _HEAD, "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'"),
     ),
     one_of=(("stories", "building"),),
 )
@@ -333,11 +319,10 @@ def model_within(value: Value, origin: SourceText) -> Model | None:
 
 def _read_model(section: Section, origin: SourceText) -> Model:
     """The model; faults are noted, and leave nan or None behind."""
-    unit = read_units(section.get("units"))
+    unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
-    head, plausibility = section.get("report"), section.get("plausibility")
 
     # Units of tables, and those of pages for people: of the file where it names none for the output.
     output_units, page_units = SI, unit.named
@@ -360,7 +345,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         given = tuple(item.number(scale=unit.length) for item in items or ())
         states.append(given if entry else (0.0,) * (count or 0))
     model = Model(
-        name=section.text("name") or origin.name,
+        name=section.read("name") or origin.name,
         source=origin.label,
         text=origin.data,
         stories=stories,
@@ -372,9 +357,9 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
         page_units=page_units,
-        page_head=(head.parsed(parse_head) if head else None) or (),
+        page_head=section.read("report") or (),
         damage=read_damage(section.get("damage")),
-        as_meant=(plausibility.parsed(_as_meant) if plausibility else None) or "",
+        as_meant=section.read("plausibility") or "",
     )
     # A stream can be read once.
     record = model.excitation.record

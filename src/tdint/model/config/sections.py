@@ -31,7 +31,7 @@ from tdint.model.keys.fields import (
     Words,
     numbered,
 )
-from tdint.units import parse_units
+from tdint.units import parse_with_unit
 
 # ---- The `units` of a model file, and those of the samples of a record that a file names
 
@@ -78,23 +78,22 @@ class ModelUnits:
             return math.inf
 
 
-def read_units(value: Value | None) -> ModelUnits:
+def read_units(section: Section) -> ModelUnits:
     """The units of the file, SI where it names none."""
-    section = value.section(UNITS) if value else None
 
     # A unit of force for a mass is told as such: that it is unknown would not help.
     def named(name: str, factors: Mapping[str, float], usual: str) -> str:
-        entry = section.get(name) if section else None
+        entry = section.get(name)
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
             entry.fault(f"{entry.node.text} is a unit of force; {_WEIGHT}")  # type: ignore[union-attr]
             return usual
         return (entry.choice(factors, f"{name} unit") if entry else None) or usual
 
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
-    mass, mass_is_said = named("mass", units.MASS, "kg"), bool(section and section.mentions("mass"))
+    mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
     beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
     # Beside such units a mass is hardly in kg: its unit is asked for where one is used.
-    words = [entry for name in ("length", "force") if section and (entry := section.get(name))]
+    words = [entry for name in ("length", "force") if (entry := section.get(name))]
     foreign = any(word.is_word(unit) for word in words for unit in _OPEN)
     return ModelUnits(
         units.LENGTH[length],
@@ -266,25 +265,7 @@ def threshold_of(value: Value, demand: str) -> float:
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
-    return value.parsed(lambda text: threshold_in(text, demand)) or math.nan
-
-
-def threshold_in(text: str, demand: str) -> float:
-    """A number with its unit as a threshold in SI units.
-
-    Raises
-    ------
-    UsageError
-        It is none.
-    """
-    quantity, example = _UNITS[DEMANDS[demand].unit]
-    try:
-        units = parse_units(text)
-    except UsageError:
-        units = None
-    if units is None or not units.has_factor or units.quantity != quantity:
-        raise UsageError(f"must be a number with its unit, such as {example}, got {text[:40]!r}")
-    return units.scale
+    return value.parsed(lambda text: parse_with_unit(text, *_UNITS[unit])) or math.nan
 
 
 def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:

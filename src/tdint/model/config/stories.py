@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from tdint.data import dataclass
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import LAWS, MAX_STORIES, Law, PowerDashpot, Story, four_points, laws
+from tdint.model.definition import LAWS, LINEAR, MAX_STORIES, Law, PowerDashpot, Story, four_points, laws
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -30,7 +29,12 @@ from tdint.model.keys.fields import (
 )
 from tdint.units import MASS, STANDARD_GRAVITY
 
-LINEAR = Law("linear", ())
+Group = Section | float | None
+"""Where the parameters of a group stand: a section; a number in SI for all of them; None where it is left out."""
+
+Earlier = Mapping[str, tuple[float, ...]]
+"""The parameters read before, by their names."""
+
 _LIST = "a list of numbers"
 _POINTS = "two to four points [drift, force]"
 
@@ -124,7 +128,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     """The parameters in SI in the order of the law, lists flattened."""
     # Groups from the outside in: where one stands hangs on the one around it.
     names = sorted(dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count("."))
-    groups: dict[str, Section | float | None] = {"": section}
+    groups: dict[str, Group] = {"": section}
     for name in names:
         groups[name] = _read_group(groups, law, name, unit)
     values: list[float] = []
@@ -146,11 +150,9 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     return tuple(values)
 
 
-def _read_group(
-    groups: Mapping[str, Section | float | None], law: DriftLaw, group: str, unit: ModelUnits
-) -> Section | float | None:
-    """Where the parameters of a group stand: the law's own section for those without one; a number in SI for all of
-    them; None where the group, or the one around it, is left out."""
+def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
+    """Where the parameters of a group stand, for those without one the law's own section; None as well where the group
+    around it is left out."""
     outer, _, name = group.rpartition(".")
     around = groups.get(outer)
     if not group or not isinstance(around, Section):
@@ -172,12 +174,7 @@ def _read_group(
     return value.section(names) or math.nan
 
 
-def _read_points(
-    group: Section | float | None,
-    parameter: LawParameter,
-    unit: ModelUnits,
-    earlier: Mapping[str, tuple[float, ...]],
-) -> tuple[float, ...]:
+def _read_points(group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier) -> tuple[float, ...]:
     """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
     nothing = (math.nan,) * 8
     if isinstance(group, float):
@@ -201,12 +198,7 @@ def _read_points(
     return four_points(points) if all(points) else nothing
 
 
-def _read_number(
-    group: Section | float | None,
-    parameter: LawParameter,
-    unit: ModelUnits,
-    earlier: Mapping[str, tuple[float, ...]],
-) -> float:
+def _read_number(group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier) -> float:
     """A parameter in SI, its default where it is left out."""
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
     default = earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
@@ -293,20 +285,11 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
             initial = f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
             given.fault(f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out")
         stiffness = stiffness_of_law
-    story = Story(
-        mass=mass,
-        height=story_height,
-        stiffness=stiffness,
-        law=law,
-        dashpot=dashpot,
-        power_dashpot=power_dashpot,
-    )
     # Isolators have no damping of the building's kind, unless that is said.
     isolator = section.get("isolator")
-    if isolator and isolator.is_word(_DAMPED):
-        story = replace(story, isolator=True)
-    elif isolator and isolator.boolean():
-        story = replace(story, isolator=True, rayleigh=False)
+    is_damped = bool(isolator and isolator.is_word(_DAMPED))
+    isolates = is_damped or bool(isolator and isolator.boolean())
+    story = Story(mass, story_height, stiffness, law, dashpot, power_dashpot, isolates, is_damped or not isolates)
     # What is wrong with parameters and stiffness together, where each of them is right.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
     if stated_law and law.parameters and is_known and (fault := LAWS[law.name].fault(stiffness, law.parameters)):

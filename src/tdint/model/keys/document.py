@@ -15,7 +15,7 @@ import yaml
 
 from tdint.data import dataclass
 from tdint.errors import ModelError
-from tdint.files import is_named_pipe, note_input
+from tdint.files import note_input, read_whole
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import MAX_DEPTH, Faults, ListNode, MappingNode, Node, Place, ScalarNode, nodes_of, text_of
 
@@ -41,33 +41,28 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     ModelError
         It cannot be read.
     """
+    stream: Any = source
+    label, path = "<stream>", None
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
             raise ModelError(f"-: standard input is closed; give a {kind}")
-        return SourceText(
-            "-", kind.partition(" ")[0], Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-", kind)
-        )
-    if isinstance(source, str | Path):
+        label, stream = "-", getattr(sys.stdin, "buffer", sys.stdin)
+    elif isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
-        if is_named_pipe(path):
-            raise ModelError(f"{label}: is a named pipe, which may never end; read from it with - and <")
-        try:
-            with path.open("rb") as stream:
-                return SourceText(label, path.stem, path.parent, _read_stream(stream, label, kind))
-        except FileNotFoundError:
-            raise ModelError(f"{label}: no such file; give a {kind} (YAML) or - for standard input") from None
-        except IsADirectoryError:
-            raise ModelError(f"{label}: is a folder; give a {kind} (YAML) in it") from None
-        except OSError as error:
-            raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
-        except ValueError:
-            raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
-    if not hasattr(source, "read"):
+        told: dict[type[Exception], str] = {
+            FileNotFoundError: f"no such file; give a {kind} (YAML) or - for standard input",
+            IsADirectoryError: f"is a folder; give a {kind} (YAML) in it",
+            ValueError: "cannot be read: no file has a null character in its name",
+        }
+        data = read_whole(label, ModelError, told, _too_large(kind), MAX_BYTES)
+        note_input(label, data)
+        return SourceText(label, path.stem, path.parent, data)
+    elif not hasattr(source, "read"):
         raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
-    name = getattr(source, "name", None)
-    if isinstance(name, str) and not name.startswith("<"):
-        return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name, kind))
-    return SourceText("<stream>", kind.partition(" ")[0], Path(), _read_stream(source, "<stream>", kind))
+    elif isinstance(name := getattr(source, "name", None), str) and not name.startswith("<"):
+        label, path = name, Path(name)
+    data = _read_stream(stream, label, kind)
+    return SourceText(label, path.stem if path else kind.partition(" ")[0], path.parent if path else Path(), data)
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
@@ -76,11 +71,15 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
-        raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}")
+        raise ModelError(f"{label}: {_too_large(kind)}")
     # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
     encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     note_input(label, encoded)
     return encoded
+
+
+def _too_large(kind: str) -> str:
+    return f"larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}"
 
 
 def read_document(
@@ -203,25 +202,23 @@ class _Composer:
         if depth > MAX_DEPTH:
             raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        place = _event_place(event)
         if event.tag is not None:
-            message = f"the tag {_short(event.tag)} is not allowed; write the value without it"
-            self._faults.add(_event_place(event), "", message)
+            self._faults.add(place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it")
         if event.anchor is not None:
             self._anchors[event.anchor] = None  # not complete yet: an alias inside it would never end
-        node = self._content(event, depth)
+        node: Node
+        if isinstance(event, yaml.ScalarEvent):
+            node = ScalarNode(place.line, place.column, event.value, plain=not event.style)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
+        else:
+            children = self._children(yaml.MappingEndEvent, depth)
+            # zip draws key and value in turn from the one iterator.
+            node = MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         return node
-
-    def _content(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent, depth: int) -> Node:
-        place = _event_place(event)
-        if isinstance(event, yaml.ScalarEvent):
-            return ScalarNode(place.line, place.column, event.value, plain=not event.style)
-        if isinstance(event, yaml.SequenceStartEvent):
-            return ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
-        children = self._children(yaml.MappingEndEvent, depth)
-        # zip draws key and value in turn from the one iterator.
-        return MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
 
     def _children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
         while not isinstance(event := self._next(), end):

@@ -47,11 +47,11 @@ class Bounds:
     high_allowed: bool = True
     ratio: bool = False
 
-    def allow(self, number: float) -> bool:
-        """Whether `number` lies in the bounds."""
+    def allow(self, number: Any) -> Any:
+        """Whether `number`, or each of an array, lies in the bounds."""
         above = number >= self.low if self.low_allowed else number > self.low
         below = number <= self.high if self.high_allowed else number < self.high
-        return above and below
+        return above & below
 
     def __str__(self) -> str:
         if self.low == 0.0 and self.high == math.inf:
@@ -107,7 +107,9 @@ class Flag:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; a number without quotes is one, too."""
+    """A line of text; a number without quotes is one, too. `parse` makes of it what is meant, and raises UsageError."""
+
+    parse: Callable[[str], Any] | None = None
 
     def schema(self) -> Schema:
         return {"type": ["string", "number"]}
@@ -362,8 +364,8 @@ class Value:
                 return self._by_name(self.kind)
             case PathOf():
                 return self.file(stdin=True)
-            case Words():
-                return self.text()
+            case Words(parse):
+                return self.parsed(parse) if parse else self.text()
         raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
 
     def _alternative(self, either: Either) -> Any:
@@ -627,11 +629,6 @@ class Section:
         for name in names:
             if entry := self.get(name):
                 entry.fault(reason)
-
-    def text(self, name: str) -> str | None:
-        """The text of the entry; None if the section lacks it or it is faulty."""
-        value = self.get(name)
-        return value.text() if value else None
 
     def file(self, name: str, *, stdin: bool = False) -> str | None:
         """The path of the entry, as `Value.file` has it; None if the section lacks it or it is faulty."""
