@@ -7,8 +7,9 @@ import time
 from functools import partial
 
 import numpy as np
-from common import ROOT, finer, least
+from common import ROOT, least
 
+from references import finer
 from tdint import read_record
 from tdint.analysis.spectra.drift import drift_spectrum
 from tdint.written_numbers import parse_grid

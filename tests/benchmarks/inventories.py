@@ -1,13 +1,11 @@
 """What laws and methods cost in the buildings of inventories: python tests/benchmarks/inventories.py
 
-First the processor time of multilinear-pinching over that of trilinear-pinching in the same buildings (one to four
-stories, the same backbones), taking turns. Then what error of the peak drifts each method has at steps from one to
-eight times the records', and in what time: by the rules mdof-lu, and with the law multilinear-pinching in its place.
+What error of the peak drifts each method has at steps from one to eight times the records', and in what time, in
+buildings of one to four stories: by the rules mdof-lu, and with the law multilinear-pinching in its place.
 """
 
 import random
 import re
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -79,17 +77,6 @@ def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> tuple[fl
     return used, np.array(drifts, dtype=float)
 
 
-def laws(suite: Motions, step: float) -> None:
-    for method in METHODS:
-        sets = {law: [Subject(model, method) for model in buildings(law)] for law in ("trilinear", "multilinear")}
-        times = {law: [] for law in sets}
-        for _ in range(REPEATS):
-            for law, subjects in sets.items():
-                times[law].append(campaign(subjects, suite, step)[0])
-        least = {law: min(found) for law, found in times.items()}
-        print(f"{method}: multilinear-pinching over trilinear-pinching {least['multilinear'] / least['trilinear']:.2f}")
-
-
 def methods(suite: Motions, step: float) -> None:
     for law in ("trilinear", "multilinear"):
         models = buildings(law)
@@ -98,20 +85,13 @@ def methods(suite: Motions, step: float) -> None:
         print("|---|---|---|---|---|---|")
         for part in STEPS:
             sets = {method: [Subject(model, method) for model in models] for method in METHODS}
-            least, drifts = dict.fromkeys(METHODS, np.inf), {}
-            for _ in range(REPEATS):
-                for method, subjects in sets.items():
-                    used, drifts[method] = campaign(subjects, suite, step * part)
-                    least[method] = min(least[method], used)
-            for method in METHODS:
-                errors = np.abs(drifts[method] / exact - 1.0)
+            rounds = [[campaign(subjects, suite, step * part) for subjects in sets.values()] for _ in range(REPEATS)]
+            for method, *found in zip(METHODS, *rounds, strict=True):
+                errors = np.abs(found[0][1] / exact - 1.0)
                 within = " | ".join(f"{100 * one:.2g} %" for one in np.nanquantile(errors, [0.5, 0.9, 0.99]))
-                print(f"| {part:g} | {method} | {least[method]:.3f} | {within} |")
+                print(f"| {part:g} | {method} | {min(used for used, _ in found):.3f} | {within} |")
 
 
 if __name__ == "__main__":
     suite = motions()
-    step = suite.records[0].dt
-    if "methods" not in sys.argv:
-        laws(suite, step)
-    methods(suite, step)
+    methods(suite, suite.records[0].dt)

@@ -11,12 +11,13 @@ import time
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-from common import components, difference, finer, largest, least
+from common import ROOT, components, difference, largest, least
 from moment4 import reference, table
 
+from building_cases import FIVE_PERCENT, Law, model, story
+from references import finer
 from tdint import load_model, run
 from tdint.analysis.given import model_record
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
@@ -25,11 +26,7 @@ from tdint.analysis.run.workspace import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
 
-sys.path.append(str(Path(__file__).parents[1]))
-from building_cases import FIVE_PERCENT, Law, model, story
-
-CONFIGS = Path(__file__).parents[2] / "configs"
-MODELS = {name: load_model(CONFIGS / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
+MODELS = {name: load_model(ROOT / "configs" / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
 PEAKS = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")

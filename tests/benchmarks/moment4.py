@@ -7,23 +7,19 @@ cost for every drift law), stiff (yielding stories with stiff parts). All if non
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from common import ROOT, difference
+from march import March, with_law
 
+from building_cases import story
+from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import problems
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import model_record
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS
-
-sys.path.append(str(Path(__file__).parents[1]))
-from common import ROOT, difference
-from march import March, with_law
-
-from building_cases import story
-from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
