@@ -12,6 +12,7 @@ from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as at
 from tdint.kernels.stepping import Scene
+from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
@@ -96,6 +97,8 @@ class SingleSteps:
         self.integrator = parse(method)
         self.building = assemble(model([story(1.0, 100.0, law), story(1.0, 100.0, law)]))
         self.space = workspace(self.building, self.integrator)
+        for i in range(2):
+            enter(self.building.law_parameters, self.space.springs, i)
 
     def take(self, ground_0, ground_1):
         """Take one step; returns its code."""
