@@ -193,16 +193,6 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
     ]
 
 
-def test_one_run_without_a_result_is_told(tmp_path: Path) -> None:
-    lost = STATUS.copy()
-    lost[0, 0] = "diverged"
-    im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
-    result = fit_table(table(tmp_path, im, lost), FragilityRequest(thresholds=(OVER,)))
-    assert result.warnings == (f"{tmp_path / 'runs.csv'}: 1 of 48 runs have no result and are left out",)
-    assert [one.failed for one in result.functions] == [1]
-    assert math.isfinite(result.functions[0].theta)
-
-
 def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None:
     file = table(tmp_path, np.repeat(LEVELS[:, None], MOTIONS, axis=1), np.full_like(STATUS, "done"))
     with pytest.raises(AnalysisError, match="threshold 10: "):

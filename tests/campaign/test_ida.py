@@ -17,8 +17,7 @@ from tdint.campaign.batch import Batch, RunRow
 from tdint.campaign.ida import STORE, IdaSettings, ida
 from tdint.campaign.ida_curve import IdaCurve, IdaRun, LevelSearch, Mainshock, below_collapse, fractiles
 from tdint.campaign.intensity import pga, sa
-from tdint.campaign.store_schema import locked
-from tdint.errors import ModelError, OutputError, UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 
@@ -313,36 +312,10 @@ def drop_chunks(folder, *numbers):
             connection.execute("DELETE FROM run_rows WHERE chunk = ?", (number,))
 
 
-def test_another_study_is_not_mixed_in(tmp_path, frame):
-    ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    with pytest.raises(UsageError) as caught:
-        ida(frame, [motion(0).scaled(2.0)], pga(), IdaSettings(max_im=0.6), folder=tmp_path)
-    first, *rest = str(caught.value).splitlines()
-    assert "holds another study; give another folder with -o, or --overwrite" in first
-    assert rest == ["setting max im: 0.5 in the store, 0.6 in this study", "record 0.m HN1: differs"]
-    (tmp_path / STORE).write_text("something else\n" * 100)
-    with pytest.raises(OutputError, match="cannot be trusted"):
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-
-
-def test_another_version_is_told(tmp_path, frame, monkeypatch):
-    with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.store.__version__", "0.0.1")
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    (remark,) = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).remarks
-    assert "begun with tdint 0.0.1" in remark
-
-
-def test_a_folder_that_another_process_writes(tmp_path, frame):
-    with locked(tmp_path), pytest.raises(OutputError, match="another tdint is at work on it"):
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-
-
 def test_what_makes_no_sense(frame):
     records = [motion(0)]
     for settings, message in (
         (IdaSettings(precision=0.0), "precision"),
-        (IdaSettings(thresholds=(0.2,)), "at most the collapse drift, 0.1"),
         (IdaSettings(max_im=0.0), "largest intensity"),
     ):
         with pytest.raises(UsageError, match=message):
