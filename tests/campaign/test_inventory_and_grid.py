@@ -242,7 +242,6 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
     ("change", "message"),
     [
         (("analysis", "vary: {story 3.mass_factor: [0.9]}\nanalysis"), "story 3.mass_factor: a has 2 stories"),
-        (("analysis", "vary: {damping: [2%]}\nanalysis"), "damping has no ratio to vary: b states it by coefficients"),
         (("method: newmark-average", "methods: [hht, trio]"), "lists of methods and steps are of `models`"),
     ],
 )

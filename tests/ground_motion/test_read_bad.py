@@ -148,25 +148,6 @@ class TestCutOff:
         (tmp_path / "cut").write_bytes(whole[:length])
         assert read_record(tmp_path / "cut").acceleration.size < 800
 
-    @pytest.mark.parametrize("byteorder", ["<", ">"])
-    def test_mseed_by_half_a_record(self, tmp_path, byteorder):
-        whole = write(tmp_path / "a", trace(counts()), reclen=512, byteorder=byteorder).read_bytes()
-        refused(whole[:-256], "its last record has 256 of 512 bytes; fetch it again")
-
-    def test_mseed_with_blank_and_lost_records(self, tmp_path):
-        path = write(tmp_path / "a", trace(wave()), reclen=512)
-        data = path.read_bytes()
-        path.write_bytes(data + b" " * 512)
-        assert read_record(path).pga == 3.0
-        path.write_bytes(data[:1024] + data[1536:])
-        refused(path, "a gap of")
-
-    def test_mseed_with_a_spoilt_record(self, tmp_path):
-        path = write(tmp_path / "a", trace(counts(5000)), encoding="STEIM2", reclen=512)
-        data = bytearray(path.read_bytes())
-        data[1024 + 200] ^= 0x55
-        refused(data, "damaged")
-
     @pytest.mark.parametrize("name", ["SAC", "GSE2", "SLIST", "TSPAIR"])
     def test_other_formats(self, tmp_path, name):
         data = counts(300).astype(np.int32 if name == "GSE2" else np.float32)

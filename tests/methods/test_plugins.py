@@ -18,19 +18,17 @@ import pytest
 
 import readmes
 import tdint
-from registered import compiled_truth, forget, forgotten  # noqa: F401 (fixtures)
+from registered import compiled_truth, forget, forgotten, plain  # noqa: F401 (fixtures)
 from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
 from tdint.analysis.run import workspace
-from tdint.analysis.run.prepared import of_everything
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.building import compilable
 from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
@@ -363,14 +361,11 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
     assert float(observed["displacement_order"]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.usefixtures("plain")
 def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
     """A store of runs with a law that was edited since, or with what it imports, is refused and named, by `campaign`,
     `merge` and `ida`; another plug-in may be edited. Before each call all is forgotten, as in a process of its own."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("TDINT_KERNELS", "python")
-    for kernel, _ in of_everything():
-        monkeypatch.setattr(kernel, "_loaded", {})
-        monkeypatch.setattr(kernel, "_last", (compilable.EVERYTHING, None))
     helpers = outside(tmp_path, "FACTOR = 1.0\n", "outside_helpers")
     text = hyperbolic.read_text().replace("import math\n", "import math\n\nimport outside_helpers\n")
     hyperbolic.write_text(text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root"))
