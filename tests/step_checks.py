@@ -42,6 +42,17 @@ def matrices(model):
     return np.diag(mass), C, springs - model.p_delta * drift.T @ np.diag(weight) @ drift
 
 
+def restoring_of(case, nonlinear):
+    """f(u) and its Jacobian of `building`, dense."""
+    _, _, K = matrices(case)
+    cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
+    drift = np.eye(4) - np.eye(4, k=-1)
+    return (
+        lambda u: K @ u + drift.T @ (cubic * (drift @ u) ** 3),
+        lambda u: K + drift.T @ np.diag(3.0 * cubic * (drift @ u) ** 2) @ drift,
+    )
+
+
 def load(model, record, t):
     """Load on the floors at time t, N."""
     ground = np.interp(t, record.dt * np.arange(record.acceleration.size), record.acceleration)

@@ -57,9 +57,10 @@ def model_of(law, stories=1):
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
-    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with bounds checked."""
+    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with bounds checked. Of
+    bilinear ones: the others are in what it declares."""
     loaded(name)
-    assert order._yielding_faults(methods.parse(METHODS[name][0])) == {}
+    assert order._yielding_faults(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from building_cases import Law, noise
-from step_checks import RAYLEIGH, SingleSteps, building, load, matrices
+from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import amplification
 from tdint.kernels import layout as at
@@ -56,17 +56,6 @@ def test_amplification_matrix_is_the_stability_function(method, xi):
         balanced = matrix * np.array([[1.0, 1.0 / h], [h, 1.0]])
         want = stability_function(method, np.array([[0.0, 1.0], [-(w**2), -2.0 * xi * w]]))
         np.testing.assert_allclose(balanced, want, rtol=1e-10, atol=1e-10 * np.max(np.abs(want)))
-
-
-def restoring_of(case, nonlinear):
-    """f(u) and its Jacobian of `building`, dense."""
-    _, _, K = matrices(case)
-    cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
-    drift = np.eye(4) - np.eye(4, k=-1)
-    return (
-        lambda u: K @ u + drift.T @ (cubic * (drift @ u) ** 3),
-        lambda u: K + drift.T @ np.diag(3.0 * cubic * (drift @ u) ** 2) @ drift,
-    )
 
 
 def dormand_prince_step(rate, h, t, x):
