@@ -30,9 +30,7 @@ def main():
     run(model, duration=0.1, history=True)  # compiles
     tracemalloc.start()
     history = run(model, duration=0.01 * steps, history=True).history
-    _, peak = tracemalloc.get_traced_memory()
     columns = history_columns(history.displacement.shape[1])
-    size = 8 * len(columns) * len(history.time)
     tracemalloc.reset_peak()
     with Path("/dev/null").open("wb") as nowhere:
         before, _ = tracemalloc.get_traced_memory()
@@ -49,8 +47,8 @@ def main():
         file = Path(folder) / "history.csv.gz"
         packed = fastest(lambda: write_file(file, partial(write_history, history), overwrite=True))
     print(f"packed: {packed:.2f} s")
-    print(f"the table {size / 1e6:.1f} MB, at most allocated by the run {peak / 1e6:.1f} MB", end="")
-    print(f", by the writing {(writing - before) / 1e6:.1f} MB more")
+    size = 8 * len(columns) * len(history.time)
+    print(f"the table {size / 1e6:.1f} MB, the writing takes {(writing - before) / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":

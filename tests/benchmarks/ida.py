@@ -29,11 +29,8 @@ def main():
     runs = [run for curve in study.curves for run in curve.runs]
     widest = max(curve.collapse.upper / curve.collapse.lower for curve in study.curves) - 1.0
     print(f"{len(records)} records, {len(runs)} runs: {wall:.2f} s, {processor:.2f} s of processor time")
-    print(f"widest bracket {100.0 * widest:.2f} %, {sum(curve.resurrection for curve in study.curves)} stand again")
+    print(f"widest bracket {100.0 * widest:.2f} %")
     print("ends:", ", ".join(f"{status} {count}" for status, count in Counter(run.status for run in runs).items()))
-    print(f"repeated with a finer step: {sum(run.finer > 0 for run in runs)}")
-    off = max(abs(run.energy_error) for run in runs if run.stable)
-    print(f"largest energy error of a run that stands: {off:.1e}")
 
 
 if __name__ == "__main__":
