@@ -171,14 +171,6 @@ def test_the_law_of_the_readme(of_the_law):
     assert check_law(of_the_law, 1) == []
 
 
-@pytest.mark.slow  # compiles; test_files_of_plugins_go_to_workers runs the law, too
-def test_a_run_of_the_readmes_law_makes_no_energy(of_the_law):
-    record = tdint.make_record(8.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
-    response = tdint.run(of_the_law, record, method="moment4")
-    assert response.stories.peak_drift[0] > 0.02
-    assert abs(response.energy.error) < 1e-8
-
-
 def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
     text = hyperbolic.read_text().replace("root * root * root)", "root)").replace("x * x / (1.0", "x / (1.0")
     text = text.replace('"hyperbolic",', '"skewed",')

@@ -1,4 +1,4 @@
-"""Work against precision: errors, the reference and its cache, orders, recommendations."""
+"""Work against precision: errors, the reference and its cache, recommendations."""
 
 import math
 import time
@@ -15,7 +15,6 @@ from tdint.analysis.chart import problem as references
 from tdint.analysis.chart.problem import Errors, FloorMotion, errors, find_reference, pose, stretched
 from tdint.analysis.chart.work_precision import (
     CHOOSING,
-    DEFAULT_METHODS,
     Point,
     Timing,
     chart,
@@ -195,19 +194,6 @@ def test_a_cache_that_cannot_be_written_is_none(cache, monkeypatch, tmp_path):
 
 
 # ---- the chart
-
-
-def test_slopes_are_the_declared_orders():
-    problem = pose(forced())
-    methods = [name for name in DEFAULT_METHODS if name != "exact"]
-    steps = [0.02 / 2**j for j in range(2, 6)]
-    chart = measure(problem, integrators(*methods, "rk5"), steps, repeats=1, cached=False)
-    for name in (*methods, "rk5"):
-        points = [point for point in chart.points if point.line == name and point.errors.displacement > 1e-10]
-        for quantity in ("displacement", "drift", "velocity"):
-            error = [getattr(point.errors, quantity) for point in points[-3:]]
-            slope = np.polyfit(np.log([point.dt for point in points[-3:]]), np.log(error), 1)[0]
-            assert slope == pytest.approx(parse(name).order, abs=0.1), (name, quantity)
 
 
 def test_the_points_of_a_chart():
