@@ -8,7 +8,7 @@ import pytest
 
 from tdint.analysis.assessment import order
 from tdint.analysis.run import together as runs
-from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.prepared import PreparedBuilding, of_everything
 from tdint.analysis.run.workspace import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable
@@ -62,3 +62,12 @@ def compiled_truth(monkeypatch):
     """The true motion by the compiled march, and no longer one than shows what a method does wrong."""
     monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
     monkeypatch.setattr(order, "_true_motion", true_motion)
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Kernels as they are written: nothing is compiled."""
+    monkeypatch.setenv("TDINT_KERNELS", "python")
+    for kernel, _ in of_everything():
+        monkeypatch.setattr(kernel, "_loaded", {})
+        monkeypatch.setattr(kernel, "_last", (compilable.EVERYTHING, None))

@@ -12,6 +12,7 @@ from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as at
 from tdint.kernels.stepping import Scene
+from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
@@ -39,6 +40,17 @@ def matrices(model):
     weight = 9.80665 * np.cumsum(mass[::-1])[::-1] / [s.height for s in model.stories]
     C = dashpots + model.damping.mass * np.diag(mass) + model.damping.stiffness * springs
     return np.diag(mass), C, springs - model.p_delta * drift.T @ np.diag(weight) @ drift
+
+
+def restoring_of(case, nonlinear):
+    """f(u) and its Jacobian of `building`, dense."""
+    _, _, K = matrices(case)
+    cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
+    drift = np.eye(4) - np.eye(4, k=-1)
+    return (
+        lambda u: K @ u + drift.T @ (cubic * (drift @ u) ** 3),
+        lambda u: K + drift.T @ np.diag(3.0 * cubic * (drift @ u) ** 2) @ drift,
+    )
 
 
 def load(model, record, t):
@@ -96,6 +108,8 @@ class SingleSteps:
         self.integrator = parse(method)
         self.building = assemble(model([story(1.0, 100.0, law), story(1.0, 100.0, law)]))
         self.space = workspace(self.building, self.integrator)
+        for i in range(2):
+            enter(self.building.law_parameters, self.space.springs, i)
 
     def take(self, ground_0, ground_1):
         """Take one step; returns its code."""

@@ -34,7 +34,6 @@ from tdint.ground_motion.reading.suites import suite_motions
 
 SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())
 SHELL_LOOP = 0.56  # s for a call of `tdint run` of version 0.1 on a quiet machine
-BAY_AREA = 1_840_000
 
 
 def study(method: str) -> None:
@@ -107,7 +106,6 @@ def inventory(buildings: int, method: str) -> None:
     print(f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of processor time")
     print(f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two processors of one's own")
     print(f"largest resident memory {usage.ru_maxrss / 1024:.0f} MB")
-    print(f"{BAY_AREA} buildings under a pair: {used / buildings * BAY_AREA / 7200:.2g} h on two processors")
 
 
 def part(buildings: int, parts: int) -> None:

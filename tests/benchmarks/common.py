@@ -1,8 +1,8 @@
 """What several benchmarks share: shipped motions, the same motion with more samples, least times, errors."""
 
 import math
+import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from tdint import read_horizontals
 from tdint.ground_motion.record import Record
 
 ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tests"))  # the scripts that import this one first share modules with the tests
 NAMES = ("firm-soil", "near-fault", "soft-soil")
 
 
@@ -33,13 +34,6 @@ def turned(count):
         shifted = np.concatenate([np.zeros(7 * i), samples]) * (0.7 + 0.03 * i)
         result.append(Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}"))
     return result
-
-
-def finer(record, parts):
-    """The same motion with samples on the lines between."""
-    samples = record.acceleration.size
-    times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
 
 
 def least(works, repeats, clock=time.process_time):

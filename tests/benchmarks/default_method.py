@@ -12,11 +12,8 @@ processor time of the compiled loop, least of several, all methods and steps tak
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-
-sys.path.append(str(Path(__file__).parents[1]))
 from common import ROOT, components
 
 from building_cases import LINEAR, Law, RayleighCoefficients, model, story

@@ -7,7 +7,8 @@ installed. Least of several times, all marches of tdint taking turns, OpenSeesPy
 """
 
 import math
-from pathlib import Path
+
+from common import ROOT
 
 from tdint import load_model
 from tdint.analysis.chart.peers import openseespy_points
@@ -15,7 +16,7 @@ from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.work_precision import measure
 from tdint.methods.catalogue import parse
 
-MODEL = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
+MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"
 METHODS = ("impulse4", "gauss4", "bathe", "central-difference", "newmark-average")
 PARTS = (1, 2, 4, 8, 16, 32)
 PEER_PARTS = (1, 2, 4, 8)

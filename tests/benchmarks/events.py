@@ -8,9 +8,9 @@ can tell its course.
 """
 
 import sys
-from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1]))
+import common  # noqa: F401
+
 from events_study import PARTS, study
 
 

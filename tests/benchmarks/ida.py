@@ -3,26 +3,23 @@
 The motions are the shipped records, turned, shifted and scaled: no two are alike. Told are the time, the widest bracket
 of a capacity, and how the runs ended.
 
-    python tests/benchmarks/ida.py [--records 22] [--jobs 2] [--plot FILE]
+    python tests/benchmarks/ida.py [--records 22] [--jobs 2]
 """
 
 import argparse
 import time
 from collections import Counter
-from pathlib import Path
 
 from common import ROOT, turned
 
 from tdint import load_model
 from tdint.campaign.ida import ida
-from tdint.files import write_file
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--records", type=int, default=22)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
     model, records = load_model(ROOT / "configs" / "collapse-prone-frame.yaml"), turned(given.records)
     ida(model, records[:1])  # loads what was compiled
@@ -32,16 +29,8 @@ def main():
     runs = [run for curve in study.curves for run in curve.runs]
     widest = max(curve.collapse.upper / curve.collapse.lower for curve in study.curves) - 1.0
     print(f"{len(records)} records, {len(runs)} runs: {wall:.2f} s, {processor:.2f} s of processor time")
-    print(f"widest bracket {100.0 * widest:.2f} %, {sum(curve.resurrection for curve in study.curves)} stand again")
+    print(f"widest bracket {100.0 * widest:.2f} %")
     print("ends:", ", ".join(f"{status} {count}" for status, count in Counter(run.status for run in runs).items()))
-    print(f"repeated with a finer step: {sum(run.finer > 0 for run in runs)}")
-    off = max(abs(run.energy_error) for run in runs if run.stable)
-    print(f"largest energy error of a run that stands: {off:.1e}")
-    if given.plot:
-        from tdint.output.figures.collapse import ida_picture
-        from tdint.output.figures.style import picture
-
-        write_file(given.plot, picture(given.plot.suffix, lambda: ida_picture(study)), overwrite=True)
 
 
 if __name__ == "__main__":

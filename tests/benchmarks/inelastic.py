@@ -3,9 +3,6 @@
 200 periods, 4001 samples, ductilities 2 and 4, elastoplastic, 5 %. Beside tdint, in the same run, a plain search:
 average acceleration at the record's step in a loop that numba compiles, largest displacement at the samples, bisection
 of the strength. Errors are those of the strengths, over tdint's for the same motion with 8 times as many samples.
-
-Then all components of the records, 25 periods, ductilities 1.5, 2, 4 and 8: does a larger strength reach the ductility,
-when all strengths above the one found are gone through in steps of 0.1 %?
 """
 
 import math
@@ -14,11 +11,11 @@ from functools import partial
 
 import numba
 import numpy as np
-from common import ROOT, finer, least
+from common import ROOT, least
 
+from references import finer
 from tdint import read_record
-from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
-from tdint.ground_motion.reading.read import read_records
+from tdint.analysis.spectra.inelastic import constant_ductility
 from tdint.written_numbers import parse_grid
 
 REPEATS = 3
@@ -72,20 +69,6 @@ def exact_search(record, periods):
     return np.array([s.yield_acceleration for s in constant_ductility(record, periods, DUCTILITIES)])
 
 
-def overlooked(record, periods, ductilities):
-    """For each ductility and period how far the ductility of larger strengths exceeds it, nan if it does not."""
-    excess = np.full((len(ductilities), periods.size), np.nan)
-    for j, spectrum in enumerate(constant_ductility(record, periods, ductilities)):
-        for i, period in enumerate(periods):
-            ratio = 1.0 / spectrum.reduction_factor[i]
-            steps = np.arange(1, math.ceil(-math.log(ratio) / 0.001))
-            stronger = spectrum.yield_strength_ratio[i] * np.exp(0.001 * steps)
-            larger = [s.ductility[0] for s in constant_strength(record, np.array([period]), stronger.tolist())]
-            if larger and max(larger) > spectrum.target:
-                excess[j, i] = max(larger) / spectrum.target - 1.0
-    return excess
-
-
 def main():
     """Print the tables."""
     record = read_record(RECORD, component="HN1", units="m/s^2")
@@ -103,11 +86,6 @@ def main():
             f"{name:14s} {seconds:6.2f} s   largest error of a strength {errors.max():.1e}, "
             f"from 0.1 s on {errors[:, periods >= 0.1].max():.1e}, median {np.median(errors):.1e}"
         )
-    records = [record for file in sorted(RECORD.parent.glob("*.mseed")) for record in read_records(file, units="m/s^2")]
-    excess = np.array([overlooked(record, np.geomspace(0.05, 5.0, 25), [1.5, 2.0, 4.0, 8.0]) for record in records])
-    count = np.count_nonzero(np.isfinite(excess))
-    print(f"{excess.size} searches, a larger strength overlooked in {count}", end="")
-    print(f"; it exceeds the ductility by {np.nanmax(excess):.1e} at most" if count else "")
 
 
 if __name__ == "__main__":

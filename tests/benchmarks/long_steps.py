@@ -2,21 +2,19 @@
 
 Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all methods), peaks (peak
 floor accelerations, shears and drifts of 20 random bilinear buildings), speed (processor time of long steps over that
-at the record's own), rate (of the same steps on a motion at 100 and at 200 samples a second), tolerance (campaigns that
-choose their steps: how many runs are beyond it). All if none is named.
+at the record's own), tolerance (campaigns that choose their steps: how many runs are beyond it). All if none is named.
 """
 
 import sys
 import time
 from dataclasses import replace
 from functools import partial
-from itertools import product
-from pathlib import Path
 
 import numpy as np
-from common import components, difference, finer, largest, least
+from common import ROOT, components, difference, largest, least
 from moment4 import reference, table
 
+from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
 from tdint.analysis.given import model_record
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
@@ -25,11 +23,7 @@ from tdint.analysis.run.workspace import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
 
-sys.path.append(str(Path(__file__).parents[1]))
-from building_cases import FIVE_PERCENT, Law, model, story
-
-CONFIGS = Path(__file__).parents[2] / "configs"
-MODELS = {name: load_model(CONFIGS / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
+MODELS = {name: load_model(ROOT / "configs" / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
 PEAKS = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")
@@ -109,30 +103,6 @@ def speed():
         print(f"{name:20s}" + "".join(f"{each / times[0]:8.3f}" for each in times) + f"{1e3 * times[0]:10.3f}")
 
 
-def rate():
-    """The same motion at 100 and at 200 samples a second: processor time of steps of one length."""
-    print(
-        "processor time at 200 Hz over that at 100 Hz, the same motion and steps (s), impulse4; largest L2 difference"
-    )
-    for name, building in MODELS.items():
-        record = model_record(building)
-        motions = (record, finer(record, 2))
-        prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
-        works = []
-        for motion_of, k in product(motions, SAMPLES):
-            steps = choose_steps(k * record.dt, record.duration, motion_of.dt, record.duration)
-            works.append(partial(five_times, prepared, integrator, steps, motion_of.acceleration.copy()))
-        times = np.reshape(least(works, REPEATS), (2, -1))
-        far = 0.0
-        for k in SAMPLES:
-            both = [run(building, one, dt=k * record.dt, duration=record.duration, history=True) for one in motions]
-            far = max(far, difference(*(one.history.displacement for one in both)))
-        cells = (
-            f"{f'{k * record.dt:g}: {slow / fast:.3f}':>14s}" for k, fast, slow in zip(SAMPLES, *times, strict=True)
-        )
-        print(f"{name:20s}{''.join(cells)}{far:10.0e}")
-
-
 def tolerance():
     """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with steps that are chosen
     under the strongest run without collapse alone, and under some that are spread."""
@@ -169,7 +139,7 @@ def tolerance():
             print(f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells))
 
 
-TABLES = {one.__name__: one for one in (motion, peaks, speed, rate, tolerance)}
+TABLES = {one.__name__: one for one in (motion, peaks, speed, tolerance)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or TABLES:

@@ -13,11 +13,12 @@ that is not so. TDINT_KERNELS=whole compiles less, TDINT_GUARD_METHODS=newmark-a
 import os
 import sys
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 
 import numba
 import numpy as np
+from common import ROOT
 
+from law_examples import example
 from tdint import load_model, run, system
 from tdint.analysis.chart.problem import stretched
 from tdint.analysis.run.prepared import PreparedBuilding
@@ -29,9 +30,6 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
 from tdint.model.definition import LAWS
 
-sys.path.append(str(Path(__file__).parents[1]))
-from law_examples import example
-
 REPEATS = 15
 ROUNDS = 8
 """Most rounds of so many repeats by the guard. A march takes some ms: other work moves the ratio of few by a half, so
@@ -40,7 +38,7 @@ ALIKE = 1.2
 """What a law may cost over the bilinear one where neither yields: a look at the branch in place of a closed form, and
 what clocks do not tell apart. A copy of all rows of a story made it 2 to 4."""
 TOO_STRONG = 1e3  # times the yield forces of the model, whose stories yield up to 6 times their yield drift
-MODEL = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
+MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"
 
 
 @numba.njit(error_model="numpy")

@@ -7,14 +7,14 @@ Periods from 0.05 to 4 s at 5 % damping, judged at 1000; processor time of one c
 
 import argparse
 import time
-from pathlib import Path
 
 import numpy as np
+from common import ROOT
 
 import tdint
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 
-RECORDS = Path(__file__).parents[2] / "records"
+RECORDS = ROOT / "records"
 COMPONENTS = [(name, "HN1") for name in ("near-fault", "firm-soil", "soft-soil", "kaikoura/WTMC", "kaikoura/HSES")]
 COMPONENTS.insert(4, ("kaikoura/WTMC", "HN2"))
 

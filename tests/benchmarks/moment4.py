@@ -1,35 +1,28 @@
-"""What moment4 keeps, how far it is off and what it costs: python tests/benchmarks/moment4.py [TABLE]...
+"""What moment4 keeps and how far it is off: python tests/benchmarks/moment4.py [TABLE]...
 
 Tables: energy (the conservative problems of `tdint failures` at their own steps and four times these), random (free
-vibration of random buildings), yielding (ten stories at parts and multiples of the record's step), laws (errors and
-cost for every drift law), stiff (yielding stories with stiff parts). All if none is named.
+vibration of random buildings), yielding (ten stories at parts and multiples of the record's step), laws (errors
+for every drift law), stiff (yielding stories with stiff parts). All if none is named.
 """
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-
-from tdint import load_model, run
-from tdint.analysis.assessment.failures import problems
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.run import model_record
-from tdint.model.building import assemble
-from tdint.model.definition import LAWS
-
-sys.path.append(str(Path(__file__).parents[1]))
 from common import ROOT, difference
-from march import March, with_law
+from march import with_law
 
 from building_cases import story
 from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
+from tdint import load_model, run
+from tdint.analysis.assessment.failures import problems
+from tdint.analysis.run.outcome import FailedRun
+from tdint.model.definition import LAWS
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 FINE = 16
 METHODS = ("moment4", "impulse4", "gauss4", "newmark-average")
-REPEATS = 15
 
 
 def energy():
@@ -110,19 +103,9 @@ def yielding():
 
 def laws():
     """Ten stories of every law, bending where those of the model yield."""
-    record = model_record(MODEL)
     models = {name: with_law(MODEL, name) for name in LAWS}
-    methods = ("newmark-average", "impulse4", "moment4")
-    marches = {name: [March(assemble(model), method) for method in methods] for name, model in models.items()}
-    for _ in range(REPEATS):
-        for march in (march for group in marches.values() for march in group):
-            march.repeat(record)
-    print("processor time, us per step, and moment4's over impulse4's")
-    for name, group in marches.items():
-        times = "".join(f"{march.seconds * 1e6:8.2f}" for march in group)
-        print(f"{name:20s}{times}   {group[2].seconds / group[1].seconds:5.2f}")
     for name, model in models.items():
-        print(f"\n{name}: L2 error / largest error of a peak drift")
+        print(f"{name}: L2 error / largest error of a peak drift")
         table(model, METHODS, reference(model, "gauss4" if LAWS[name].curved else "impulse4"), (0.5, 1, 2, 4))
 
 

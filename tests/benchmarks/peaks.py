@@ -12,20 +12,17 @@ truth is impulse4 at dt/64, confirmed by gauss4.
 
 import sys
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
+from common import ROOT
 
+from random_buildings import piecewise_building, shaken_building
 from tdint import load_model, run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 
-sys.path.append(str(Path(__file__).parents[1]))
-from random_buildings import piecewise_building, shaken_building
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 NAMED = ("ten-story", "ten-story-bilinear", "fluid-dampers", "base-isolated")
 MORE = ("hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")
 QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
@@ -69,7 +66,7 @@ class Truth:
 def truths():
     """The four configurations, ten buildings with kinks and ten without."""
     for name in NAMED:
-        building = load_model(CONFIGS / f"{name}.yaml")
+        building = load_model(ROOT / "configs" / f"{name}.yaml")
         yield Truth(name, building, model_record(building))
     for kind, draw in (("kinks", piecewise_building), ("smooth", shaken_building)):
         rng, count = np.random.default_rng(23), 0

@@ -2,8 +2,7 @@
 
 1. Commands with their kernels there, beside `python -c "import numpy, click, yaml"`. They take turns, the shortest time
    of each counts; processor time, wall time and the ratio of the latter.
-2. A tall building, and the time that Python takes around the kernel for one of many runs.
-3. Batches with --jobs 1 and 2.
+2. Tall buildings: what is set up before the march, and the march.
 
 With --first instead: the same commands with no compiled kernels anywhere, once each; this takes some minutes.
 """
@@ -18,11 +17,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from common import ROOT
 
 from tdint import load_model, prepare, run_case
 from tdint.analysis.run.run import model_record
 
-ROOT = Path(__file__).parents[2]
 RECORDS, CONFIGS = ROOT / "records", ROOT / "configs"
 TDINT = (sys.executable, "-c", "from tdint_cli.main import main; main()")
 IMPORTS = (sys.executable, "-c", "import numpy, click, yaml")
@@ -37,7 +36,6 @@ COMMANDS = {
     "--help": ("--help",),
 }
 FIRST = ("run ten-story.yaml", "run ten-story-bilinear.yaml", "spectrum near-fault.mseed")
-COPIES = 40
 
 
 def measured(command, **environment):
@@ -112,38 +110,6 @@ def print_setting_up(file, samples):
     print(f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it", flush=True)
 
 
-def around_the_kernel():
-    """Processor time of a run that marches two samples only, of one building in a loop, s."""
-    model = load_model(CONFIGS / "ten-story.yaml")
-    record = model_record(model)
-    case = prepare(model, replace(record, acceleration=record.acceleration[:3]))
-    times = []
-    for _ in range(40):
-        begin = time.process_time()
-        for _ in range(50):
-            run_case(case)
-        times.append((time.process_time() - begin) / 50)
-    return min(times)
-
-
-def print_batches(folder):
-    """Spectra of many records in one command, by one process and by two."""
-    records, out = folder / "records", folder / "out"
-    records.mkdir()
-    files = sorted(RECORDS.glob("*.mseed"))
-    for i in range(COPIES):
-        (records / f"{i:02d}.mseed").write_bytes(files[i % len(files)].read_bytes())
-    for what, more in (
-        ("spectra", ()),
-        ("spectra with pictures", ("--plot",)),
-        ("spectra by rk5", ("--method", "rk5", "--periods", "0.3:10:200")),
-    ):
-        command = (*TDINT, "spectrum", records, "-o", f"{out}/", "--overwrite", *more)
-        measured(command)
-        one, two = shortest([(*command, "--jobs", jobs) for jobs in (1, 2)], 3)
-        print(f"{COPIES} records, {what}: {one[0]:.2f} s, with --jobs 2 {two[0]:.2f} s", flush=True)
-
-
 def main():
     """Print the tables."""
     if "--first" in sys.argv:
@@ -152,11 +118,9 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         print_commands({**COMMANDS, "run 1000 stories": ("run", tall(folder, 1000))})
-        print(f"\nPython around the kernel of one of many runs: {around_the_kernel() * 1e3:.3f} ms\n")
+        print()
         for stories, samples in ((1000, 4000), (20_000, 200), (100_000, 40)):
             print_setting_up(tall(folder, stories), samples)
-        print()
-        print_batches(folder)
 
 
 if __name__ == "__main__":

@@ -54,16 +54,11 @@ def main():
         "the loops": alone,
         "run_many": lambda: clocked(history=kept),
         "into given float32": lambda: clocked(history=kept, out=out),
-        "peaks alone": clocked,
     }
-    found = {name: [] for name in works}
-    for _ in range(TURNS):
-        for name, work in works.items():
-            found[name].append(work())
-    least = min(found["the loops"])
-    for name, seconds in found.items():
-        each = 1e3 * min(seconds) / (len(scales) * RECORDS)
-        print(f"{name:20s} {min(seconds):6.2f} s, {each:.3f} ms a run, {min(seconds) / least:.2f} times the loops")
+    found = np.min([[work() for work in works.values()] for _ in range(TURNS)], axis=0)
+    for name, seconds in zip(works, found, strict=True):
+        each = 1e3 * seconds / (len(scales) * RECORDS)
+        print(f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the loops")
 
 
 if __name__ == "__main__":

@@ -1,18 +1,15 @@
 """Elastic and rotated spectra against other tools, in one run: python tests/benchmarks/spectrum.py
 
-200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). Beside tdint a plain
-recursion of 16 oscillators at a time, with maxima at the samples, that is compiled and timed in the same run; and eqsig
-and pyrotd, where they are installed. All take turns, the fastest of the repeats counts, in processor time. Errors are
-those of the pseudo-acceleration against the exact response to the motion that is linear between its samples, as tdint
+200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). Beside tdint eqsig and
+pyrotd, where they are installed. All take turns, the fastest of the repeats counts, in processor time. Errors are those
+of the pseudo-acceleration against the exact response to the motion that is linear between its samples, as tdint
 computes it and tests/analysis/spectra/test_exact_maxima.py confirms it with matrix exponentials.
 """
 
-import math
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 
-import numba
 import numpy as np
 from common import ROOT, least
 
@@ -20,56 +17,11 @@ from tdint import read_record, spectrum
 from tdint.analysis.defaults import PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
-from tdint.methods.exact import oscillator
 from tdint.written_numbers import parse_grid
 
 REPEATS = 15
 RECORD = ROOT / "records" / "firm-soil.mseed"
 DAMPING = 0.05
-LANES = 16
-
-
-@numba.njit(error_model="numpy", fastmath={"contract"})
-def plain_recursion(ground, table, peaks):
-    """Largest displacement at the samples, LANES oscillators at a time; nothing else."""
-    a11, a12, b10, b11 = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    a21, a22, b20, b21 = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    u, v, top = np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    for group in range(0, table.shape[1], LANES):
-        for i in range(LANES):
-            row = table[:, group + i]
-            a11[i], a12[i], b10[i], b11[i] = row[0], row[1], row[2], row[3]
-            a21[i], a22[i], b20[i], b21[i] = row[4], row[5], row[6], row[7]
-            u[i] = v[i] = top[i] = 0.0
-        for s in range(1, ground.size):
-            before, after = ground[s - 1], ground[s]
-            for i in range(LANES):
-                new = a11[i] * u[i] + a12[i] * v[i] - b10[i] * before - b11[i] * after
-                v[i] = a21[i] * u[i] + a22[i] * v[i] - b20[i] * before - b21[i] * after
-                u[i] = new
-                top[i] = abs(new) if abs(new) > top[i] else top[i]
-        for i in range(LANES):
-            peaks[group + i] = top[i]
-
-
-def plain_table(periods, dt):
-    """Coefficients of the recursion, a multiple of LANES columns."""
-    omega = 2.0 * math.pi / np.append(periods, np.full(-periods.size % LANES, periods[-1]))
-    steps = oscillator(omega * dt, np.full_like(omega, DAMPING)).transpose(1, 2, 0).reshape(8, -1)
-    factors = np.array([1.0, dt, dt**2, dt**2, 1.0 / dt, 1.0, dt, dt])
-    return np.ascontiguousarray(steps * factors[:, None])
-
-
-def plain(record, periods):
-    """Pseudo-accelerations by the plain recursion."""
-    table, ground = plain_table(periods, record.dt), record.acceleration.copy()
-    peaks = np.empty(table.shape[1])
-
-    def work():
-        plain_recursion(ground, table, peaks)
-        return (2.0 * math.pi / periods) ** 2 * peaks[: periods.size]
-
-    return work
 
 
 def eqsig(record, periods):
@@ -125,10 +77,7 @@ def main():
     exact = spectrum(first, periods, DAMPING).psa
     times, results = fastest(
         {
-            "plain recursion, at the samples": plain(first, periods),
             "tdint, exact": lambda: spectrum(first, periods, DAMPING).psa,
-            "tdint --maxima peer": lambda: spectrum(first, periods, DAMPING, maxima="peer").psa,
-            "tdint --maxima samples": lambda: spectrum(first, periods, DAMPING, maxima="samples").psa,
             "eqsig": eqsig(first, periods),
             "pyrotd": pyrotd(first, periods),
         },
@@ -136,15 +85,13 @@ def main():
     )
     errors = {name: f"{np.max(np.abs(psa / exact - 1.0)):.1e}" for name, psa in results.items()}
     show(times, errors, "tdint, exact")
-    limit = 3.0 * times["plain recursion, at the samples"] + 1e-3
-    print(f"3 times the plain recursion and 1 ms: {limit * 1e3:.3f} ms\n")
+    print()
 
     motion = find_horizontals([first, second])
     exact = rotated_spectrum(motion, periods, DAMPING).psa
     times, results = fastest(
         {
             "tdint --rotd 0,50,100": lambda: rotated_spectrum(motion, periods, DAMPING).psa,
-            "the same --maxima samples": lambda: rotated_spectrum(motion, periods, DAMPING, maxima="samples").psa,
             "pyrotd": pyrotd_rotated(first, second, periods),
         },
         7,

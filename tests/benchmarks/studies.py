@@ -1,8 +1,8 @@
-"""How far studies mislead: python tests/benchmarks/studies.py [ROWS]
+"""How far studies mislead: python tests/benchmarks/studies.py
 
-First a region of forty buildings of four classes under the shipped motions at six levels of PGA (the one of
+A region of forty buildings of four classes under the shipped motions at six levels of PGA (the one of
 src/tdint/campaign/README.md): the medians of clouds over those of stripes, which count, and the loss ratios that follow
-from the functions over those of the runs themselves. Then what reading fields takes, up to ROWS rows (4 million).
+from the functions over those of the runs themselves.
 """
 
 import csv
@@ -14,9 +14,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from common import ROOT
 from scipy.special import ndtr
 
-ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "configs" / "capacity-classes.csv"
 CLASSES = ("masonry", "timber", "wall", "concrete-frame")
 LOSSES = {"slight": 0.05, "moderate": 0.2, "extensive": 0.6, "complete": 1.0}
@@ -29,15 +29,6 @@ damage:
   thresholds: capacity
   dispersion: 0.3
   losses: {{{", ".join(f"{state}: {loss}" for state, loss in LOSSES.items())}}}
-"""
-READ = """\
-import resource, sys
-from tdint.campaign.definition import FieldFile
-from tdint.campaign.sites import read_field
-from tdint.ground_motion.choice import RecordChoice
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-field = read_field(FieldFile(sys.argv[1], RecordChoice(units="m/s^2", component="HN1")))
-print(before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
@@ -90,22 +81,7 @@ def region(folder: Path) -> None:
         print(f"losses by functions ({fit}) over direct losses, all levels: {whole:.3f} ({listed})")
 
 
-def memory(folder: Path, most: int) -> None:
-    file = folder / "fields.csv"
-    for count in (most // 100, most // 10, most):
-        with file.open("w") as stream:
-            stream.write("event,site,record,factor\n")
-            stream.writelines(
-                f"{row % 100},s{row // 100},{ROOT}/records/firm-soil.mseed,{1.0 + 1e-7 * row:.6f}\n"
-                for row in range(count)
-            )
-        result = subprocess.run([sys.executable, "-c", READ, str(file)], check=True, capture_output=True, text=True)
-        before, after = (int(text) / 1024 for text in result.stdout.split())
-        print(f"{count} rows of fields: {after:.0f} MB, {1024**2 * (after - before) / count:.0f} B a row")
-
-
 if __name__ == "__main__":
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
     with TemporaryDirectory() as place:
         region(Path(place))
-        memory(Path(place), int(sys.argv[1]) if len(sys.argv) > 1 else 4_000_000)

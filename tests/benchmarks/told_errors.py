@@ -11,7 +11,6 @@ outside: the truth of `plain_solver`, which has nothing of tdint, for buildings 
 """
 
 import argparse
-import sys
 from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
@@ -22,12 +21,10 @@ import numpy as np
 import plain_solver
 from common import ROOT
 
+from random_buildings import any_building
 from tdint import load_model, run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.ground_motion.reading.read import read_records
-
-sys.path.append(str(Path(__file__).parents[1]))
-from random_buildings import any_building
 
 NAMES = ("peak_drift", "peak_acceleration", "peak_total_shear", "peak_damper_force", "residual_drift")
 METHODS = (

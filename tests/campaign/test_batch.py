@@ -120,31 +120,6 @@ def test_a_run_does_not_depend_on_the_others() -> None:
     assert together == backwards == rows_by_run([of.results([run]).runs[0] for run in RUNS])
 
 
-def test_until_rest_is_a_longer_run_that_ends_at_rest() -> None:
-    """The residual drift is that of the same run with its duration given; twice as long, it changes by no more than
-    the amplitude that is left."""
-    of = batch("ten-story-bilinear", "impulse4", until_rest=True)
-    rows = rows_by_run(of.results(RUNS[:3]).runs)
-    plain = rows_by_run(batch("ten-story-bilinear", "impulse4").results(RUNS[:3]).runs)
-    for run, row in rows.items():
-        assert row.at_rest == 1 and row.steps > plain[run].steps
-        same = demands(single(of, run, duration=row.steps * row.dt).stories)
-        assert row.residual_drift_ratio == same.residual_drift_ratio.value
-        assert row.peak_drift_ratio == same.drift_ratio.value
-        later = demands(single(of, run, duration=2.0 * row.steps * row.dt).stories)
-        assert abs(later.residual_drift.value - same.residual_drift.value) < 2e-3 * same.roof_displacement.value
-
-
-def test_an_undamped_building_never_rests() -> None:
-    """It swings on for as long as is waited for, and the row says so."""
-    model = tdint.load_model("configs/ten-story-bilinear.yaml")
-    subject = Subject(replace(model, damping=None), "impulse4")
-    of = Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(until_rest=True, dt=0.01))
-    (row,) = of.results([Run(0, 0.01)]).runs
-    assert row.status == "done" and row.at_rest == 0
-    assert row.steps * row.dt > 100.0 * subject.period
-
-
 def test_what_fails_is_repeated_with_finer_steps() -> None:
     """A run that fails with the step asked for has the peaks of the coarsest finer step with which it does not."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")

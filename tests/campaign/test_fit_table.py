@@ -104,7 +104,6 @@ def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None
         file.write_text("\n".join(["im,edp", *lines]))
         result = fit_table(str(file), FragilityRequest(thresholds=(0.016,)))
         assert len(result.disagreements) == count, result.disagreements
-    assert "more apart than their scatter allows" in fit_table_words(tmp_path, x, jumping)
 
 
 def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -> None:
@@ -116,11 +115,6 @@ def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -
         "no run is beyond threshold 0.03, threshold 2: the median is extrapolated",
         "every run is beyond threshold 0.001: the median is extrapolated",
     ]
-
-
-def fit_table_words(folder: Path, x: np.ndarray, demand: np.ndarray) -> str:
-    (one,) = fit_cloud(x, demand, (0.016,))
-    return one.beside_counts(x, demand > 0.016).disagreement
 
 
 def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -191,16 +185,6 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
     assert result.disagreements == [
         f"every intensity lies below the median of threshold {eighth:g}: the median is extrapolated"
     ]
-
-
-def test_one_run_without_a_result_is_told(tmp_path: Path) -> None:
-    lost = STATUS.copy()
-    lost[0, 0] = "diverged"
-    im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
-    result = fit_table(table(tmp_path, im, lost), FragilityRequest(thresholds=(OVER,)))
-    assert result.warnings == (f"{tmp_path / 'runs.csv'}: 1 of 48 runs have no result and are left out",)
-    assert [one.failed for one in result.functions] == [1]
-    assert math.isfinite(result.functions[0].theta)
 
 
 def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None:

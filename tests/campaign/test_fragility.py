@@ -255,7 +255,6 @@ def test_empirical_points_are_the_middles_of_steps():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([0.5, 1.0], [0, 0], [10, 10]), "no record exceeds at any level"),
         (([0.5, 1.0], [10, 10], [10, 10]), "every record exceeds"),
         (([0.5, 1.0, 2.0], [0, 0, 10], [10, 10, 10]), "add levels between them"),
         (([0.5, 1.0, 2.0], [0, 4, 10], [10, 10, 10]), "add levels between them"),
@@ -272,7 +271,6 @@ def test_stripes_that_tell_nothing(arguments, message):
     [
         ([1.0], None, "median and dispersion need two"),
         ([1.0, 2.0, 2.0], [False, True, True], "need two"),
-        ([1.0, 2.0], [True, True], "of 2 capacities none is known"),
         ([1.0, 1.0, 1.0], None, "all capacities are equal"),
     ],
 )

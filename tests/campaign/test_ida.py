@@ -1,8 +1,6 @@
 """Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is kept."""
 
 import math
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -10,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tdint
 from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.analysis.run.demands import RUN
 from tdint.campaign.batch import Batch, RunRow
-from tdint.campaign.ida import STORE, IdaSettings, ida
+from tdint.campaign.ida import IdaSettings, ida
 from tdint.campaign.ida_curve import IdaCurve, IdaRun, LevelSearch, Mainshock, below_collapse, fractiles
 from tdint.campaign.intensity import pga, sa
-from tdint.campaign.store_schema import locked
-from tdint.errors import ModelError, OutputError, UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 
@@ -243,7 +241,7 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
 
 
 def test_until_rest(frame):
-    """Behind the record the building comes to rest: another drift remains, as behind a record with zeros at its end."""
+    """Behind the record the building comes to rest: another drift remains, that of the run until rest."""
     settings = IdaSettings(max_im=1.5, thresholds=())
     short = replace(motion(0), acceleration=motion(0).acceleration[:260])
     cut, rested = (
@@ -251,12 +249,9 @@ def test_until_rest(frame):
     )
     assert cut.im == rested.im
     assert rested.drift_ratio >= cut.drift_ratio
-    longer = replace(short, acceleration=np.concatenate([short.acceleration, np.zeros(6000)]))
-    (at_rest,) = ida(frame, [longer], pga(), settings).curves
-    same = min(at_rest.runs, key=lambda run: abs(run.scale - rested.scale))
-    assert same.scale == pytest.approx(rested.scale)
-    assert rested.residual_drift_ratio == pytest.approx(same.residual_drift_ratio, abs=2e-3 * rested.drift_ratio)
-    assert abs(cut.residual_drift_ratio - same.residual_drift_ratio) > 0.05 * rested.drift_ratio
+    single = tdint.run(frame, short.scaled(rested.scale), until_rest=True).stories
+    assert rested.residual_drift_ratio == pytest.approx(np.max(np.abs(single.residual_drift) / single.height))
+    assert abs(cut.residual_drift_ratio - rested.residual_drift_ratio) > 0.05 * rested.drift_ratio
 
 
 def test_fractiles_of_one_and_of_three():
@@ -278,17 +273,6 @@ def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
         assert all(run.im == pytest.approx(run.scale * pga().of(pair, "rotd100")) for run in together.runs)
 
 
-def test_an_interrupted_study_goes_on(tmp_path, frame, study):
-    records = [motion(seed) for seed in range(4)]
-    assert ida(frame, records[:4], folder=tmp_path).resumed == 0
-    drop_chunks(tmp_path, 2, 3)  # killed while it was at these
-    told = []
-    again = ida(frame, records, folder=tmp_path, progress=lambda done, of: told.append((done, of)))
-    assert (again.resumed, told) == (2, [(2, 4), (3, 4), (4, 4)])
-    assert same_runs(again, study)
-    assert ida(frame, records, folder=tmp_path).resumed == 4
-
-
 def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame, monkeypatch):
     """As where a later version chooses others: their rows would mix."""
     settings = IdaSettings(precision=0.3)
@@ -306,43 +290,10 @@ def same_runs(one, other):
     return repr([curve.runs for curve in one.curves]) == repr([curve.runs for curve in other.curves])
 
 
-def drop_chunks(folder, *numbers):
-    with closing(sqlite3.connect(folder / STORE)) as connection, connection:
-        for number in numbers:
-            connection.execute("DELETE FROM chunks WHERE id = ?", (number,))
-            connection.execute("DELETE FROM run_rows WHERE chunk = ?", (number,))
-
-
-def test_another_study_is_not_mixed_in(tmp_path, frame):
-    ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    with pytest.raises(UsageError) as caught:
-        ida(frame, [motion(0).scaled(2.0)], pga(), IdaSettings(max_im=0.6), folder=tmp_path)
-    first, *rest = str(caught.value).splitlines()
-    assert "holds another study; give another folder with -o, or --overwrite" in first
-    assert rest == ["setting max im: 0.5 in the store, 0.6 in this study", "record 0.m HN1: differs"]
-    (tmp_path / STORE).write_text("something else\n" * 100)
-    with pytest.raises(OutputError, match="cannot be trusted"):
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-
-
-def test_another_version_is_told(tmp_path, frame, monkeypatch):
-    with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.store.__version__", "0.0.1")
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    (remark,) = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).remarks
-    assert "begun with tdint 0.0.1" in remark
-
-
-def test_a_folder_that_another_process_writes(tmp_path, frame):
-    with locked(tmp_path), pytest.raises(OutputError, match="another tdint is at work on it"):
-        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-
-
 def test_what_makes_no_sense(frame):
     records = [motion(0)]
     for settings, message in (
         (IdaSettings(precision=0.0), "precision"),
-        (IdaSettings(thresholds=(0.2,)), "at most the collapse drift, 0.1"),
         (IdaSettings(max_im=0.0), "largest intensity"),
     ):
         with pytest.raises(UsageError, match=message):

@@ -65,9 +65,6 @@ def test_an_inventory_without_a_building(tmp_path: Path) -> None:
     file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n")
     with pytest.raises(ModelError, match=r"none.csv: has no building"):
         read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
-    file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,99,1990,C1,600\nb,0,1990,C1,600\n")
-    with pytest.raises(ModelError, match=r"(?s):2:2: NumberOfStories.*:3:2: NumberOfStories"):
-        read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
 
 
 def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:

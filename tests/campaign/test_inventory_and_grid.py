@@ -191,14 +191,6 @@ def test_a_grid_needs_places(study: Path) -> None:
         plan(study)
 
 
-def test_rows_that_cannot_be_used_are_told_and_the_others_done(study: Path) -> None:
-    (study / "buildings.csv").write_text(BUILDINGS + "d,0,1975,X9,1500,37.81,-122.26\n")
-    whole = plan(study)
-    (failure,) = whole.failures
-    assert isinstance(failure, ModelError) and len(failure.faults) == 2 and failure.exit_code == 3
-    assert len(whole.buildings) == 3
-
-
 def test_the_factor_of_a_grid_is_in_the_scale(study: Path) -> None:
     """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the factor in `scale`; of
     levels of a measure the scale is level over what the file's motion has, whatever its factor."""
@@ -250,7 +242,6 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
     ("change", "message"),
     [
         (("analysis", "vary: {story 3.mass_factor: [0.9]}\nanalysis"), "story 3.mass_factor: a has 2 stories"),
-        (("analysis", "vary: {damping: [2%]}\nanalysis"), "damping has no ratio to vary: b states it by coefficients"),
         (("method: newmark-average", "methods: [hht, trio]"), "lists of methods and steps are of `models`"),
     ],
 )

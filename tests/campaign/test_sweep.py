@@ -84,28 +84,6 @@ def test_factors_and_ratios_do_what_they_say(model):
     assert [story.stiffness for story in one.stories] == [4e6, 2e6]
 
 
-def test_a_law_with_a_stiffness_of_its_own_grows_as_a_whole():
-    story = {"mass": 1.0, "law": {"type": "polynomial", "coefficients": [100.0, 0.0, -20.0]}}
-    after = tdint.load_model({"stories": [story]}).replace(stiffness_factor=2.0)
-    assert after.stories[0].stiffness == 200.0
-    assert after.stories[0].law.parameters == (200.0, 0.0, -40.0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"dampin": 0.05}, "no parameter 'dampin'; did you mean 'damping'"),
-        ({"damping": 1.0}, "damping must be a ratio"),
-        ({"mass_factor": 0.0}, "mass_factor must be a positive number"),
-        ({"story 3.mass_factor": 2.0}, "frame has 2 stories"),
-        ({"story 1.damping": 0.1}, "no parameter 'story 1.damping'"),
-    ],
-)
-def test_what_cannot_be_changed_is_told(model, changes, message):
-    with pytest.raises(UsageError, match=message):
-        model.replace(**changes)
-
-
 def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
     """Each is in range; the ultimate force is less than that at yield."""
     law = {"type": "trilinear-pinching", "yield_force": 3e4, "ultimate_force": 5e4, "ultimate_drift": 0.05}

@@ -35,13 +35,10 @@ _KEYS = (
 )  # fmt: skip
 
 
-def sound_models(*, few: bool = False) -> dict[str, str]:
-    """Names and texts: those of the sandbox and, unless few are enough, of `configs` that run in a moment."""
-    texts = dict(MODELS)
-    if not few:
-        small = ("fluid-dampers", "hardening", "three-story-concrete", "collapse-prone-frame", "ten-story-bilinear")
-        texts |= {f"{name}.yaml": (_CONFIGS / f"{name}.yaml").read_text() for name in small}
-    return texts
+def sound_models() -> dict[str, str]:
+    """Names and texts: those of the sandbox and of `configs` that run in a moment."""
+    small = ("fluid-dampers", "hardening", "three-story-concrete", "collapse-prone-frame", "ten-story-bilinear")
+    return MODELS | {f"{name}.yaml": (_CONFIGS / f"{name}.yaml").read_text() for name in small}
 
 
 def damaged(text: str, seed: int) -> str:

@@ -340,10 +340,6 @@ class TestLargeFiles:
         monkeypatch.setattr("tdint.ground_motion.formats.lines._LARGEST", 1000)
         refused(files.at2(), "larger than 64 MiB")
 
-    def test_endless_words(self):
-        refused("NPTS= 9, DT= .01\n" + "1 " * 9 + "\n" + "2" * 200_000 + "\n", "more|cut off|stands where|damaged")
-        refused("NPTS= 9, DT= .01\n1 " + "2" * 200_000 + "\n", "unknown format|stands where|cut off")
-
 
 class TestNumbersOfSmc:
     """The 48 integers and 50 reals by their places in the format's description; the first of each says: not known."""

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ground_motion.format_files import two_columns
 from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.contents import plugins, read_contents
@@ -100,9 +99,3 @@ def test_endless_lines(name, word):
     line, sound = word * (100_000 // len(word)), SAMPLES[name][0]().encode()
     for data in (line, b"\n".join([line] * 5), sound + line, line + b"\n" + sound):
         read(name, data)
-
-
-def test_a_reversed_column_of_times():
-    """Rows of time and acceleration in another order are no record."""
-    head, *rows = two_columns().splitlines()
-    assert read("TEXT", "\n".join([head, *reversed(rows)]).encode()) is None

@@ -196,12 +196,6 @@ class TestTables:
             assert [record.pga for record in records] == pytest.approx([0.01, 0.02, 0.005])
             assert read_record(tmp_path / "a.csv", units=given, component=names[1]).pga == pytest.approx(0.02)
 
-    def test_a_velocity_alone_is_differentiated(self, tmp_path):
-        (tmp_path / "a.csv").write_text(self.table("time_s,velocity_cm_s", [motion(60, 1.0, 4)]))
-        record = read_record(tmp_path / "a.csv")
-        assert (record.quantity, record.units) == ("velocity", "cm/s")
-        assert record.notes[0].startswith("the velocity of the file is differentiated")
-
     def test_refused(self, three):
         refused(self.table("time,N,E", three), "names 3 columns, the rows have 4")
         refused(self.table("time,N (g),E (s),Z (g)", three), "'s', which is no unit of acceleration")

@@ -128,17 +128,18 @@ class TestText:
     def test_the_last_place_of_a_number(self):
         assert [last_place(text) for text in ("12", "1.50", "2.5E-3", "-1e2")] == [1.0, 0.01, 1e-4, 100.0]
 
-    @pytest.mark.parametrize("longitude", [12345.0, -12345.0])
-    def test_longitudes_of_sac(self, tmp_path, longitude):
-        data = bytearray(write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes())
+    @pytest.mark.parametrize("order", ["<", ">"])
+    def test_longitudes_of_sac(self, tmp_path, order):
+        """Of station and event; 12345 of either sign stands for one that is not known."""
+        path = write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC", byteorder=order)
         for word in (32, 36):
-            for value in (longitude, 1.001 * longitude, float("nan")):
-                wrong = data.copy()
-                struct.pack_into("<f", wrong, 4 * word, value)
-                if value == longitude:
-                    assert look_at_sac(wrong)[0] == 1000
+            for value in (12345.0, -12345.0, 12357.0, -12357.0, 1e30, float("nan")):
+                data = bytearray(path.read_bytes())
+                struct.pack_into(f"{order}f", data, 4 * word, value)
+                if abs(value) == 12345.0:
+                    assert look_at_sac(data)[0] == 1000
                 else:
-                    refused_by(look_at_sac, wrong, "its header gives a longitude of")
+                    refused(data, "its header gives a longitude of")
 
     def test_lengths_of_sac(self, tmp_path):
         """The time of the last sample, or of that which would follow; not two of them."""

@@ -69,7 +69,6 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
 @pytest.mark.parametrize(
     ("records", "message"),
     [
-        ([record("HNE"), record("HNZ")], "a.x: has a single horizontal component, HNE; name the file of the other"),
         ([record("HNZ")], "two horizontal components are needed, there are 0: none"),
         ([record("HNE"), record("HNN"), record("HN1")], "there are 3: HNE, HNN, HN1"),
         ([record("67"), record("90")], "67 and 90 are 23 degrees apart, not at right angles"),

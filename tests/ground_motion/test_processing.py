@@ -247,11 +247,3 @@ def test_values_that_make_no_sense(wanted):
 def test_texts_of_the_command_line(parse, text, value):
     with pytest.raises(UsageError, match="must be") if value is None else nullcontext():
         assert parse(text) == value
-
-
-def test_one_setting_over_another():
-    model = Processing(highpass=0.1, lowpass=20.0, baseline="linear")
-    assert Processing(lowpass=10.0).over(model) == Processing(highpass=0.1, lowpass=10.0, baseline="linear")
-    assert Processing().over(model) == model
-    with pytest.raises(UsageError, match="must be below"):
-        Processing(highpass=30.0).over(model)

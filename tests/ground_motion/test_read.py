@@ -142,10 +142,6 @@ class TestKnet:
         changed.write_bytes(path.read_bytes().replace(old, new))
         refused(changed, message)
 
-    def test_a_peak_that_is_near_is_told(self, path, tmp_path):
-        (tmp_path / "a.knet").write_bytes(path.read_bytes().replace(b"4.383", b"4.400"))
-        assert any("states a peak of 4.4 gal" in note for note in read_record(tmp_path / "a.knet").notes)
-
     @pytest.mark.parametrize("length", [14000, 700, 400, 100, 12])
     def test_cut_off(self, path, length):
         refused(path.read_bytes()[:length], "damage")

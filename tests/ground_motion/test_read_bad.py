@@ -148,25 +148,6 @@ class TestCutOff:
         (tmp_path / "cut").write_bytes(whole[:length])
         assert read_record(tmp_path / "cut").acceleration.size < 800
 
-    @pytest.mark.parametrize("byteorder", ["<", ">"])
-    def test_mseed_by_half_a_record(self, tmp_path, byteorder):
-        whole = write(tmp_path / "a", trace(counts()), reclen=512, byteorder=byteorder).read_bytes()
-        refused(whole[:-256], "its last record has 256 of 512 bytes; fetch it again")
-
-    def test_mseed_with_blank_and_lost_records(self, tmp_path):
-        path = write(tmp_path / "a", trace(wave()), reclen=512)
-        data = path.read_bytes()
-        path.write_bytes(data + b" " * 512)
-        assert read_record(path).pga == 3.0
-        path.write_bytes(data[:1024] + data[1536:])
-        refused(path, "a gap of")
-
-    def test_mseed_with_a_spoilt_record(self, tmp_path):
-        path = write(tmp_path / "a", trace(counts(5000)), encoding="STEIM2", reclen=512)
-        data = bytearray(path.read_bytes())
-        data[1024 + 200] ^= 0x55
-        refused(data, "damaged")
-
     @pytest.mark.parametrize("name", ["SAC", "GSE2", "SLIST", "TSPAIR"])
     def test_other_formats(self, tmp_path, name):
         data = counts(300).astype(np.int32 if name == "GSE2" else np.float32)
@@ -183,24 +164,9 @@ class TestCutOff:
 class TestWhatCrashesTheReaders:
     """Files that end ObsPy's readers in C with a crash, or never."""
 
-    @pytest.mark.parametrize(
-        ("old", "new", "message"),
-        [
-            (b"DAT2\n", b"DAT2\n" + b"U" * 100000 + b"\n", "longer than 81 characters"),
-            (b"    1000 ", b"90001000 ", "states 90001000 samples, there are 1000"),
-            (b"DAT2\n", b"DAT2\n\xc3", "none of the compression's"),
-            (b"CHK2", b"CHK3", "without DAT2, CHK2"),
-        ],
-    )
-    def test_gse2(self, tmp_path, old, new, message):
+    def test_gse2(self, tmp_path):
         data = write(tmp_path / "a", trace(counts()), format="GSE2").read_bytes()
-        refused(data.replace(old, new), message)
-
-    @pytest.mark.parametrize("order", ["<", ">"])
-    def test_sac_with_an_endless_longitude(self, tmp_path, order):
-        data = bytearray(write(tmp_path / "a", trace(wave()), format="SAC", byteorder=order).read_bytes())
-        data[4 * 31 : 4 * 37] = struct.pack(f"{order}6f", 10.0, 1e30, 0.0, 0.0, 10.0, 10.0)
-        refused(data, r"longitude of 1e\+30")
+        refused(data.replace(b"    1000 ", b"90001000 "), "states 90001000 samples, there are 1000")
 
     def test_nothing_reaches_standard_error(self, tmp_path, capfd):
         data = bytearray(write(tmp_path / "a", trace(counts()), reclen=512).read_bytes())

@@ -228,6 +228,3 @@ class TestModelFile:
     def test_faults(self, wrong):
         with pytest.raises(ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "):
             self.layout(wrong)
-
-    def test_the_command_line_is_over_the_model(self):
-        assert TextLayout(column="3").over(TextLayout(0.01, "2", 4)) == TextLayout(0.01, "3", 4)

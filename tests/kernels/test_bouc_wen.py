@@ -37,24 +37,6 @@ def test_loading_from_rest_in_closed_form(exponent, closed, sign):
     assert sign * hysteretic(forces, drifts) == pytest.approx(closed(x), abs=1e-6)
 
 
-def test_unloading_is_elastic_for_equal_parameters():
-    """beta = gamma: the slope on unloading is the initial one, exactly."""
-    drifts = [5.0 * DY, 5.0 * DY - 0.3 * DY, 5.0 * DY - 0.9 * DY]
-    forces, _, _ = follow(law(3.0, 0.5), drifts)
-    assert forces[:2] - forces[1:] == pytest.approx([0.3 * FY, 0.6 * FY], rel=1e-10)
-
-
-def test_unloading_in_closed_form():
-    """n = 2, beta = 0.8: u' = -(1 + q u^2) with q = 0.6, so u = tan(atan(sqrt(q) u0) - sqrt(q) x) / sqrt(q)."""
-    root = math.sqrt(0.6)
-    w0 = math.tanh(2.0)
-    x = np.array([0.1, 0.4, 0.6])
-    drifts = [2.0 * DY, *(2.0 * DY - DY * x)]
-    forces, _, _ = follow(law(2.0, 0.8), drifts)
-    expected = np.tan(math.atan(root * w0) - root * x) / root
-    assert hysteretic(forces, drifts)[1:] == pytest.approx(expected, abs=1e-6)
-
-
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
 @pytest.mark.parametrize("beta", [0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
 def test_a_cycle_agrees_with_dop853(exponent, beta):

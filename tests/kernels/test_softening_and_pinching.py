@@ -240,14 +240,6 @@ def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the
     assert mine.dissipated == pytest.approx(clough.dissipated, abs=1e-9)
 
 
-def test_before_its_capping_the_imk_law_in_growing_cycles_is_the_peak_oriented_one():
-    path = np.concatenate([size * np.sin(np.linspace(0.0, 2.0 * np.pi, 81)) for size in (2.0, 4.0, 7.0, 9.0)])
-    law = imk(side(plastic=20.0, cap=3.0))
-    clough = imposed(Law("peak-oriented", (1.0, 0.1, 0.0)), path)
-    assert imposed(law, path).shear == pytest.approx(clough.shear, abs=1e-10)
-    assert imposed(law, path).dissipated == pytest.approx(clough.dissipated, abs=1e-9)
-
-
 # ---- By hand
 
 
@@ -267,21 +259,6 @@ def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
     assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx([1.1, 0.0, 0.0, 0.0], abs=1e-12)
     alive = imposed(imk(deterioration=4.0 * spent), path)
     assert alive.shear[1] == pytest.approx(1.1 - 0.1 * (1.0 - 1.0 / 3.0), rel=1e-12)
-
-
-def test_deterioration_at_zero_force_by_hand():
-    """The same way, a capacity so large that the unloading stiffness stays about 1: all the work is lost at zero
-    force, and strength, capping line and farthest drift of the other side change by one beta."""
-    capacity = 100.0
-    spent = 0.5 + 2.1 - 0.5 * 1.1**2
-    stiffness = 1.0 - spent / (capacity - spent)
-    lost = 2.6 - 0.5 * 1.1**2 / stiffness
-    beta = lost / (capacity - lost)
-    far = 1.0 + beta
-    force = (1.0 - beta) * (1.0 + 0.05 * (far - (1.0 - beta)))
-    zero = 3.0 - 1.1 / stiffness
-    path = imposed(imk(deterioration=capacity), [3.0, zero, 0.5 * (zero - far), -far])
-    assert path.shear == pytest.approx([1.1, 0.0, -0.5 * force, -force], abs=1e-12)
 
 
 def test_a_turn_at_zero_residual_force_is_a_passage_of_zero():

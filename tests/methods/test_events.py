@@ -61,7 +61,11 @@ def test_the_dissipative_members_keep_order_3(rho_inf, reference):
     assert orders(errors).min() >= 2.7
 
 
-def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator():
+@pytest.mark.parametrize(
+    ("method", "dt", "off", "unbalanced", "events"),
+    [("impulse4", 0.01, 1e-6, 1e-6, 2), ("moment4", 0.005, 1e-5, 1e-13, 0)],
+)
+def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(method, dt, off, unbalanced, events):
     """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed form.
 
     u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the mass is slowed down
@@ -69,12 +73,12 @@ def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator():
     """
     omega, strength = 10.0, 5.0
     building = model([story(1.0, omega**2, Law("bilinear", (strength, 0.0)))], velocity=(1.0,))
-    response = run(building, method="impulse4", dt=0.01, duration=2.0, history=True)
+    response = run(building, method=method, dt=dt, duration=2.0, history=True)
     slip = (1.0 - (strength / omega) ** 2) / (2.0 * strength)
-    assert response.stories.peak_drift[0] == pytest.approx(strength / omega**2 + slip, rel=1e-6)
-    assert response.energy.dissipated == pytest.approx(strength * slip, rel=1e-6)
-    assert response.events == 2
-    assert abs(response.energy.error) < 1e-6
+    assert response.stories.peak_drift[0] == pytest.approx(strength / omega**2 + slip, rel=off)
+    assert response.energy.dissipated == pytest.approx(strength * slip, rel=off)
+    assert response.events == events
+    assert abs(response.energy.error) < unbalanced
 
 
 def test_equal_stories_that_yield_at_the_same_instant():

@@ -85,17 +85,6 @@ def test_the_energy_balance_of_long_steps(method):
         assert response.energy.input == pytest.approx(short.energy.input, rel=5e-4)
 
 
-def test_a_step_of_one_sample_and_a_half():
-    """Half of three samples, as the run that tells errors has it: the record's own motion, within the step's error."""
-    record = noise()
-    fine = run(ten_linear(), record, method="impulse4")
-    checked = run(ten_linear(), record, method="impulse4", dt=3 * DT, check=True)
-    assert checked.check.dts == pytest.approx((1.5 * DT,))
-    true = np.abs(checked.stories.peak_drift - fine.stories.peak_drift)
-    assert np.all(true <= checked.check.errors.peak_drift)
-    assert checked.check.drift_error < 0.02
-
-
 @pytest.mark.parametrize(("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)])
 def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples):
     """Absolute accelerations are the forces on the floors over their masses, whatever line stands for the record."""

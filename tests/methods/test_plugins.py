@@ -18,19 +18,17 @@ import pytest
 
 import readmes
 import tdint
-from registered import compiled_truth, forget, forgotten  # noqa: F401 (fixtures)
+from registered import compiled_truth, forget, forgotten, plain  # noqa: F401 (fixtures)
 from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
 from tdint.analysis.run import workspace
-from tdint.analysis.run.prepared import of_everything
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.building import compilable
 from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
@@ -171,14 +169,6 @@ def test_the_law_of_the_readme(of_the_law):
     x = 3e7 * path.drift / 3e5
     np.testing.assert_allclose(path.shear, 3e5 * x / np.sqrt(1.0 + x * x), rtol=1e-12, atol=1e-6)
     assert check_law(of_the_law, 1) == []
-
-
-@pytest.mark.slow  # compiles; test_files_of_plugins_go_to_workers runs the law, too
-def test_a_run_of_the_readmes_law_makes_no_energy(of_the_law):
-    record = tdint.make_record(8.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
-    response = tdint.run(of_the_law, record, method="moment4")
-    assert response.stories.peak_drift[0] > 0.02
-    assert abs(response.energy.error) < 1e-8
 
 
 def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
@@ -363,14 +353,11 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
     assert float(observed["displacement_order"]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.usefixtures("plain")
 def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
     """A store of runs with a law that was edited since, or with what it imports, is refused and named, by `campaign`,
     `merge` and `ida`; another plug-in may be edited. Before each call all is forgotten, as in a process of its own."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("TDINT_KERNELS", "python")
-    for kernel, _ in of_everything():
-        monkeypatch.setattr(kernel, "_loaded", {})
-        monkeypatch.setattr(kernel, "_last", (compilable.EVERYTHING, None))
     helpers = outside(tmp_path, "FACTOR = 1.0\n", "outside_helpers")
     text = hyperbolic.read_text().replace("import math\n", "import math\n\nimport outside_helpers\n")
     hyperbolic.write_text(text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root"))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from tdint.errors import ModelError
 from tdint.ground_motion.choice import Processing, RecordChoice
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import (
@@ -228,16 +227,6 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_standard_input_without_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("stories: [{mass: 1, stiffness: 1}]"))
     assert load_model("-").stories[0].mass == 1.0
-
-
-def test_standard_input_holds_one_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    text = "stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: '-'}"
-    monkeypatch.setattr(sys, "stdin", io.StringIO(text))
-    with pytest.raises(ModelError) as caught:
-        load_model(sys.stdin)
-    assert str(caught.value) == (
-        "-:2:13: excitation: standard input already holds the model; give the record as a file"
-    )
 
 
 def test_many_stories_share_one_entry() -> None:

@@ -85,8 +85,6 @@ stories: *x
     1:10: the alias *x has no anchor &x above it
 ---¶a: 1¶---¶b: 2
     3:1: a second YAML document begins here; a model file holds one
-stories: [{mass: 1, law: zzz}]
-    1:26: stories[1].law: unknown law 'zzz'; known: <laws>
 stories: [{mass: 1, law: {}}]
     1:26: stories[1].law.type: is missing; give one of <laws>
 stories: [{mass: 1, weight: 1, stiffness: 1}]
@@ -177,14 +175,11 @@ excitation: {record: {file: '', units: gels, scale: 0, component: [], inventory:
 excitation: {record: {file: "a\nb", scale: .inf}}
     2:29: excitation.record.file: must be one line without control characters, got 'a\nb'
     2:44: excitation.record.scale: must be a number, got '.inf'; it must be finite
-excitation: {record: {file: a, trim: 3, pad: x, highpass: 0, lowpass: a, baseline: linaer, corners: 2.5, resample: []}}
+excitation: {record: {file: a, trim: 3, pad: x, baseline: linaer, corners: 2.5}}
     2:38: excitation.record.trim: trim must be START:END in seconds, got '3'
     2:46: excitation.record.pad: pad must be SECONDS or BEFORE:AFTER, got 'x'
-    2:59: excitation.record.highpass: must be a positive number, got '0'
-    2:71: excitation.record.lowpass: must be a positive number, got 'a'
-    2:84: excitation.record.baseline: unknown baseline 'linaer'; did you mean 'linear'?
-    2:101: excitation.record.corners: must be a whole number from 1 to 10, got '2.5'
-    2:116: excitation.record.resample: must be a positive number, got a list
+    2:59: excitation.record.baseline: unknown baseline 'linaer'; did you mean 'linear'?
+    2:76: excitation.record.corners: must be a whole number from 1 to 10, got '2.5'
 excitation: {record: {file: a, trim: '3:2'}}
     2:22: excitation.record: trim must be START:END in seconds from the first sample with START below END
 excitation: {record: {file: a, highpass: 3, lowpass: 2}}
@@ -193,8 +188,6 @@ excitation: {record: {file: a, corners: 3}}
     2:22: excitation.record: corners are those of a filter: give highpass or lowpass, too
 excitation: {record: "\ud800"}
     2:22: excitation.record: must be one line without control characters, got '\ud800'
-excitation: {forces: {}}
-    2:22: excitation.forces: must be a list of forces, got a mapping
 excitation: {forces: [3, {}, {floor: 4, amplitude: x, omega: -1, phase: tan}, {floor: 1, amplitude: 1, freq: 3}]}
     2:23: excitation.forces[1]: must be a mapping with the keys floor, amplitude, omega, phase, got '3'
     2:26: excitation.forces[2].floor: is missing; give the floor, counted from 1 at the bottom
@@ -209,12 +202,6 @@ excitation: {forces: [3, {}, {floor: 4, amplitude: x, omega: -1, phase: tan}, {f
 initial: {displacement: 1, velocity: [1, 2]}
     2:25: initial.displacement: must be a list with one number per story, got '1'
     2:38: initial.velocity: must have one number per story (3), got 2
-initial: {displacement: [1, x, 2]}
-    2:29: initial.displacement[2]: must be a number, got 'x'
-analysis: {dt: 0, duration: -1, method: }
-    2:16: analysis.dt: must be a positive number, got '0'
-    2:29: analysis.duration: must be a positive number, got '-1'
-    2:40: analysis.method: must be text, got nothing
 p_delta: 'true'
     2:10: p_delta: must be true or false, got 'true' in quotes; remove the quotes
 units: {length: metre, force: KN, mass: , time: s}
@@ -241,12 +228,6 @@ bilinear
     stories[1].law.yield_force: is missing; give a positive number
     stories[1].law.hardening: is missing; give <ratio>
     stories[1].law.coefficients: unknown key; known: type, yield_force, hardening
-{type: polynomial}
-    stories[1].law.coefficients: is missing; give a list of numbers
-{type: polynomial, coefficients: []}
-    stories[1].law.coefficients: must hold at least one number
-{type: polynomial, coefficients: 3}
-    stories[1].law.coefficients: must be a list of numbers, got '3'
 {type: polynomial, coefficients: [-3, x]}
     stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
     stories[1].law.coefficients[2]: must be a number, got 'x'
@@ -297,15 +278,8 @@ def test_faults_of_laws(law: str, expected: list[str]) -> None:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("", "1:1: the model file is empty; it needs at least `stories`"),
         ("a: 1\nb: \x00", "2:4: the character U+0000 cannot stand in a YAML file; remove it"),
         ("[" * 5000, "1:34: nested more than 32 levels deep; this is no model file"),
-        (
-            "units: {length: mm, force: kN, mass: kg}\n"
-            "stories: [{mass: 1, stiffness: 3.1, law: {type: polynomial, coefficients: [3]}}]",
-            "2:32: stories[1].stiffness: must agree with the initial stiffness 3 of its polynomial law, got 3.1; "
-            "correct it or leave it out",
-        ),
     ],
 )
 def test_other_faults_of_files(text: str, fault: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from tdint import load_model
 from tdint.errors import ModelError
+from tdint.model.definition import Story
 
 TRILINEAR = "type: trilinear-pinching, yield_force: 10, ultimate_force: 20, ultimate_drift: 100, pinching: 0.5"
 IMK = "type: imk, yield_force: 10, plastic_drift: 50, post_capping_drift: 100, capping_ratio: 1.1, residual_ratio: 0.2"
@@ -14,10 +15,15 @@ SIDE = (1e4, 0.05, 0.1, 1.1, 0.2, 0.4, 1.0)
 NUMBERS = "a positive number for all of strength, capping, reloading, unloading, a mapping of them, or none"
 
 
+def read(text: str, more: str = "") -> Story:
+    """A story with a law, in SI."""
+    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, {more}law: {{{text}}}}}]"
+    return load_model(io.StringIO(model)).stories[0]
+
+
 def law(text: str) -> tuple[float, ...]:
     """Parameters of the law of a story with k = 1 kN/mm, in SI."""
-    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, stiffness: 1, law: {{{text}}}}}]"
-    return load_model(io.StringIO(model)).stories[0].law.parameters
+    return read(text, "stiffness: 1, ").law.parameters
 
 
 def test_trilinear_pinching() -> None:
@@ -85,8 +91,7 @@ POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
 
 def stiffness_of_its_own(text: str) -> tuple[float, ...]:
     """Parameters of the law of a story that leaves its stiffness to the law, in SI."""
-    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, law: {{{text}}}}}]"
-    (story,) = load_model(io.StringIO(model)).stories
+    story = read(text)
     assert story.stiffness == pytest.approx(story.law.parameters[1] / story.law.parameters[0], rel=1e-15)
     return story.law.parameters
 

@@ -66,12 +66,6 @@ def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path, error, overwrite):
     assert not overwrite or second.read_bytes() == b"old"
 
 
-def test_a_full_disk_is_one_line(tmp_path):
-    with pytest.raises(OutputError, match=r"a\.csv: cannot be written: No space left on device$"):
-        write_file(tmp_path / "a.csv", fails(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))), overwrite=False)
-    assert names(tmp_path) == []
-
-
 def test_an_existing_file_is_kept_without_overwrite(tmp_path):
     file = tmp_path / "a.csv"
     file.write_bytes(b"old")

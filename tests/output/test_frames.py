@@ -67,8 +67,6 @@ def test_other_units(response):
     assert us["peak_drift_in"] * 0.0254 == pytest.approx(si["peak_drift_m"])
     assert us["peak_absolute_acceleration_g"] * STANDARD_GRAVITY == pytest.approx(si["peak_absolute_acceleration_m_s2"])
     assert us["story"].tolist() == [1, 2] and us["story"].dtype.kind == "i"
-    with pytest.raises(UsageError, match="unknown unit 'kips'"):
-        response.to_dict("kips")
     with pytest.raises(UsageError, match="int has no table"):
         tdint.to_dict(3)
 
@@ -135,11 +133,8 @@ def test_records_of_what_is_in_memory(traces):
         ({"data": WAVE, "units": "g"}, UsageError, "give dt and units"),
         ({"data": WAVE, "dt": 0.01}, UsageError, "give dt and units"),
         ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
-        ({"data": WAVE, "dt": -1.0, "units": "g"}, RecordError, "sampling interval must be a positive number"),
         ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError, "array: sample 0 .* is nan"),
         ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError, "samples masked"),
-        ({"data": WAVE * 1j, "dt": 1.0, "units": "g"}, RecordError, "must be real numbers"),
-        ({"data": WAVE[:1], "dt": 1.0, "units": "g"}, RecordError, "two samples at least"),
     ],
 )
 def test_records_that_cannot_be(given, error, message):
@@ -151,7 +146,6 @@ def test_records_that_cannot_be(given, error, message):
     ("part", "more", "error", "message"),
     [
         (slice(None), {"units": "g"}, RecordError, "several components, choose one by `component`: HNE, HNN"),
-        (slice(None), {"units": "g", "component": "Z"}, RecordError, "no component 'Z'"),
         (0, {}, RecordError, "units"),
         (0, {"units": "g", "dt": 0.01}, UsageError, "leave dt out"),
         (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),

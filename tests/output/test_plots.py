@@ -168,12 +168,6 @@ def test_formats(tmp_path, suffix):
     assert sorted(tmp_path.iterdir()) == sorted([file, again])
 
 
-@pytest.mark.parametrize("name", ["x.jpg", "x"])
-def test_other_formats_are_refused(tmp_path, forced, name):
-    with pytest.raises(OutputError, match=r"written as \.png, \.pdf or \.svg"):
-        draw_run(forced, tmp_path / name)
-
-
 def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
     labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None)).axes]
     assert len(labels) == 3 and "story shear" in labels[2]

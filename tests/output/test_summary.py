@@ -99,11 +99,3 @@ def test_the_first_mode_is_that_of_all_modes(damping):
         assert first.damping == pytest.approx(ratio, rel=1e-9, abs=1e-15)
         exact = spectrum(noise(samples=101), np.array([first.period]), 0.05).psa[0]
         assert (first.sa, first.sa_damping) == (exact, 0.05)
-
-
-def test_the_first_mode_of_a_very_tall_building():
-    """n equal stories: omega = 2 sqrt(k/m) sin(pi / (4 n + 2))."""
-    n = 100_000
-    building = assemble(model([ten_linear(None).stories[0]] * n))
-    exact = 2.0 * np.sqrt(3.5e8 / 2e5) * np.sin(np.pi / (4 * n + 2))
-    assert building.first_mode() == (pytest.approx(exact, rel=1e-11), 0.0)

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 import readmes
-from references import orders, smooth
+from references import smooth
 from tdint import load_model, run
 from tdint.analysis.assessment import paper_examples
 from tdint.analysis.assessment.paper_examples import (
     DT,
     EXACT,
-    METHODS,
     default_integrators,
     exact_steps,
     examples,
@@ -32,7 +31,6 @@ from tdint.model.definition import simple_model
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 FILES = {1: "sdof-polynomial", 2: "two-story-polynomial", 3: "chain-150"}
-ORDER_2 = METHODS[:-1]
 OURS = ("impulse4", "moment4")
 
 
@@ -126,15 +124,6 @@ def test_errors_of_example_1(method, errors):
     digits = 0.02 if method in ("impulse4", "moment4") else 0.004
     for dt, expected in zip((0.04, 0.02, 0.01), errors, strict=True):
         assert error(1, dt, method) == pytest.approx(expected, rel=digits)
-
-
-@pytest.mark.parametrize("number", [1, *(pytest.param(number, marks=pytest.mark.slow) for number in (2, 3))])
-def test_orders(number):
-    """impulse4 and moment4 are of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
-    for method in ("impulse4", "moment4", "rk5", *ORDER_2):
-        measured = orders([error(number, dt, method) for dt in (0.04, 0.02, 0.01)])
-        expected = {"impulse4": 4.0, "moment4": 4.0, "rk5": 5.0}.get(method, 2.0)
-        assert measured[-1] == pytest.approx(expected, abs=0.25)
 
 
 def test_rk5_and_its_load():

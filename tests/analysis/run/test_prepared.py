@@ -57,17 +57,6 @@ def test_the_stability_of_a_method_without_a_limit_is_not_measured(counted):
     assert counted == {"assemble": 1, "solve_modes": 0, "find_instability": 0}
 
 
-def test_a_shared_building_gives_the_numbers_of_runs_of_their_own():
-    record = noise(samples=301, peak=6.0)
-    case = prepare(ten_bilinear(), record, method="impulse4")
-    for factor in (0.5, 2.0):
-        shared = run_case(case.scaled(factor), check=True)
-        alone = run(ten_bilinear(), record.scaled(factor), method="impulse4", check=True)
-        for field in fields(alone.stories):
-            np.testing.assert_array_equal(getattr(shared.stories, field.name), getattr(alone.stories, field.name))
-        assert shared.energy == alone.energy
-
-
 def test_forces_are_not_scaled_with_the_motion():
     forced = model(ten_linear().stories, forces=[Force(10, 1e5, 0.0, 3.0)])
     case = prepare(forced, noise(samples=11), method="newmark-average")

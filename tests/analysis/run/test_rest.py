@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from building_cases import Force, model, noise, oscillator, story, ten_bilinear, ten_linear
+from building_cases import FIVE_PERCENT, Force, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
@@ -23,12 +23,13 @@ def moves(response):
     return any(note.startswith(MOVES) for note in response.notes)
 
 
-def test_it_is_the_run_of_a_campaign():
-    record = noise(seed=3)
-    response = run(ten_bilinear(), record, method="impulse4", until_rest=True)
-    of = Batch(0, Subject(ten_bilinear(), "impulse4"), Motions({0: record}), {0: None}, RunSettings(until_rest=True))
+@pytest.mark.parametrize(("damping", "rests"), [(FIVE_PERCENT, 1), (None, 0)])
+def test_it_is_the_run_of_a_campaign(damping, rests):
+    record, building = noise(seed=3), ten_bilinear(damping)
+    response = run(building, record, method="impulse4", until_rest=True)
+    of = Batch(0, Subject(building, "impulse4"), Motions({0: record}), {0: None}, RunSettings(until_rest=True))
     row = of.results([Run(0, 1.0)]).runs[0]
-    assert (row.steps, row.at_rest) == (response.steps, 1)
+    assert (row.steps, row.at_rest) == (response.steps, rests)
     ratios = np.abs(response.stories.residual_drift) / response.stories.height
     assert row.residual_drift_ratio == np.max(ratios)
 

@@ -74,16 +74,6 @@ def test_memory_does_not_grow_with_the_steps():
     assert peak(100_000) < peak(1000) + 20_000
 
 
-def test_a_large_error_of_the_energy_is_said():
-    """Houbolt's method at sixty steps per period loses energy; impulse4 does not."""
-    case = oscillator(2.0 * np.pi, displacement=(1.0,))
-    lossy = run(case, method="houbolt", dt=1.0 / 60.0, duration=5.0)
-    assert lossy.energy.error > 0.01
-    lost = f"the energy balance is off by {100.0 * lossy.energy.error:.2g} % of the input energy, lost to the method"
-    assert any(note.startswith(lost) for note in lossy.warnings)
-    assert not run(case, method="impulse4", dt=1.0 / 60.0, duration=5.0).notes
-
-
 @pytest.mark.parametrize("n", [1, 2, 10, 100])
 def test_the_bound_on_the_frequencies(n):
     generator = np.random.default_rng(n)

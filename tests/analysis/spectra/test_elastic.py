@@ -1,17 +1,14 @@
 """Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has the numbers."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from building_cases import noise, oscillator
+from references import finer
 from tdint import run, spectrum
-from tdint.analysis.spectra.drift import drift_spectrum
-from tdint.analysis.spectra.inelastic import constant_ductility
 from tdint.errors import AnalysisError, UsageError
-from tdint.ground_motion.record import Record
 
 PERIODS = np.array([0.01, 0.03, 0.1, 0.35, 1.0, 3.0, 10.0])
 
@@ -55,13 +52,11 @@ def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
     """Halving the step by putting samples on the lines between: the motion stays the same."""
     record = noise(samples=801)
     periods = np.array([0.4, 1.0, 2.5])
-    times = np.arange(801)
     errors = []
     for parts in (1, 2, 4):
-        fine = np.interp(np.arange(800 * parts + 1) / parts, times, record.acceleration)
-        finer = Record(fine, record.dt / parts, "", "", "", "")
-        exact = spectrum(finer, periods)
-        measured = spectrum(finer, periods, method="newmark-average")
+        motion = finer(record, parts)
+        exact = spectrum(motion, periods)
+        measured = spectrum(motion, periods, method="newmark-average")
         assert measured.method == "newmark-average"
         errors.append(np.max(np.abs(measured.sd / exact.sd - 1.0)))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
@@ -114,15 +109,3 @@ def test_the_choices_are_told(asked, told):
 def test_a_period_far_below_the_sampling_interval_is_refused():
     with pytest.raises(AnalysisError, match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s"):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))
-
-
-def test_what_a_spectrum_is_in_one_line():
-    """Of a record by its name, if it has one."""
-    named = noise(samples=50)
-    bare = replace(named, id="", source="", component="")
-    for made in (spectrum, drift_spectrum, constant_ductility):
-        arguments = ([0.5, 1.0], [2.0]) if made is constant_ductility else ([0.5, 1.0],)
-        for record, name in ((bare, "a record"), (named, "test HN1")):
-            found = made(record, *arguments)
-            one = found[0] if isinstance(found, list | tuple) else found
-            assert repr(one) == f"<{type(one).__name__} of {name}, damping 0.05, 2 periods>"

@@ -154,7 +154,6 @@ def test_a_share_is_found_whatever_the_tangents_say(force):
     ("drift", "pattern", "message"),
     [
         ("4%", "uniform", "drift 4% is a drift ratio, and a story has no height"),
-        ("2dy", "uniform", "drift 2dy: the roof has no yield drift"),
         ("1m", "triangular", "the triangular pattern needs the height of every story"),
         ("1m", "modal", "unknown pattern 'modal'; known: first-mode, uniform, triangular"),
     ],

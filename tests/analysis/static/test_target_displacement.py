@@ -1,6 +1,7 @@
 """Target displacements: the formulas of the two standards by hand, for oscillators that yield without hardening."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,13 @@ POINTS = 15  # of a curve: the corners between them are found, so that more chan
 def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
     law = Law("bilinear", (strength, hardening))
     return model([story(mass, strength / yield_drift, law, height=3.0)], **more)
+
+
+def closed_form(strengths, stiffness, hardening, share, shear):
+    """Displacement of the roof over bilinear stories that carry their shares of some base shears."""
+    force = np.multiply.outer(shear, share)
+    beyond = np.maximum(force - strengths, 0.0)
+    return np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness), axis=-1)
 
 
 def flat(tmp_path, acceleration):
@@ -90,17 +98,12 @@ def test_two_lines_have_the_area_of_the_curve_and_meet_it():
     pushed = pushover(case, "4%", points=POINTS)
     share = np.cumsum(pushed.forces[::-1])[::-1]
 
-    def roof(shear):
-        force = shear * share
-        beyond = np.maximum(force - strengths, 0.0)
-        return float(np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness)))
-
+    roof = partial(closed_form, strengths, stiffness, hardening, share)
     n2, made = target_displacements(pushed, EC8)
     for result, end in ((n2, n2.yield_force), (made, made.base_shear)):
         assert roof(result.base_shear) == pytest.approx(result.roof_displacement, rel=1e-7)
         corners = np.array([0.0, *sorted(strengths / share), result.base_shear])
-        at = np.array([roof(shear) for shear in corners])
-        work = np.sum(np.diff(at) * (corners[1:] + corners[:-1])) / 2.0
+        work = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
         lines = result.yield_force * result.yield_displacement / 2.0
         lines += (result.yield_force + end) / 2.0 * (result.roof_displacement - result.yield_displacement)
         assert lines == pytest.approx(work, rel=1e-7)
@@ -141,11 +144,7 @@ def test_coefficients_of_hardening_buildings(seed):
     made = target_displacements(pushed, f"ec8:type=1,soil=C,ag={draw.uniform(0.2, 0.6):.3f}g")[1]
     share = np.cumsum(pushed.forces[::-1])[::-1]
 
-    def roof(shear):
-        force = np.multiply.outer(shear, share)
-        beyond = np.maximum(force - strengths, 0.0)
-        return np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness), axis=-1)
-
+    roof = partial(closed_form, strengths, stiffness, hardening, share)
     corners = np.array([0.0, *sorted(strengths / share)])
     corners = np.append(corners[corners < made.base_shear], made.base_shear)
     area = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
