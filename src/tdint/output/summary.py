@@ -143,29 +143,26 @@ def in_units(
     keys : mapping
         SI units of keys, beside those that summaries share.
     """
-    return content if units == SI else _converted(content, units, {**_UNITS, **keys})
-
-
-def _converted(content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str]) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for key, value in content.items():
-        # Settings stay as they were typed; what columns mean changes with their units.
-        if key == "settings":
-            result[key] = {**value, "output_units": str(units)}
-        elif key in ("columns", "meanings") and isinstance(value, Mapping):
-            result[key] = described_in(value, units)
-        else:
-            name, factor = units.column(key, keys.get(key, "1"))
-            result[name] = _value_in(value, units, keys, factor)
+    result: dict[str, Any] = content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
     return result
 
 
-def _value_in(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
-    if isinstance(value, dict):
-        return _converted(value, units, keys)
+def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
     if isinstance(value, list | tuple):
-        return [_value_in(item, units, keys, factor) for item in value]
-    return converted(value, factor)
+        return [_in_units(item, units, keys, factor) for item in value]
+    if not isinstance(value, dict):
+        return converted(value, factor)
+    result: dict[str, Any] = {}
+    for key, part in value.items():
+        # Settings stay as they were typed; what columns mean changes with their units.
+        if key == "settings":
+            result[key] = {**part, "output_units": str(units)}
+        elif key in ("columns", "meanings") and isinstance(part, Mapping):
+            result[key] = described_in(part, units)
+        else:
+            name, factor_of_key = units.column(key, keys.get(key, "1"))
+            result[name] = _in_units(part, units, keys, factor_of_key)
+    return result
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
