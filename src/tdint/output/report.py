@@ -53,18 +53,17 @@ LEFT_OUT = (
 """What a shear building leaves out."""
 
 
-def model_chapter(
-    model: Model, period: float, damping: float, units: OutputUnits = SI, *, peaks: StoryPeaks | None = None
-) -> Chapter:
-    """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta; with the
-    peaks of a run the period of the isolators' secant stiffness there, too."""
+def model_chapter(model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None) -> Chapter:
+    """The building: its stories from the ground up, period and damping ratio of its first mode, P-delta; with the peaks
+    of a run the period of the isolators' secant stiffness there, too."""
+    omega, damping = assemble(model).first_mode()
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     of_isolators = ""
     if any(story.isolator for story in model.stories):
         told = f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift" if peaks else ""
         of_isolators = f" (before the isolators yield{told})"
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s{of_isolators} with "
+        f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} s{of_isolators} with "
         f"{100.0 * damping:.3g} % damping, "
         f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
@@ -156,7 +155,7 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        _model_chapter(model, units, response.stories),
+        model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (once(response.notes),)),
@@ -252,7 +251,7 @@ def suite_page(
         _one_by_one(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
+        *(model_chapter(item.model, units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
@@ -456,7 +455,7 @@ def pushover_page(
     chapters = [
         Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
         Chapter("Stories at the target displacement", parts),
-        _model_chapter(model, units),
+        model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
         _inputs(told.inputs),
     ]
@@ -487,7 +486,7 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
         Chapter("Result", (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}"))),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
-        _model_chapter(model, units),
+        model_chapter(model, units),
         Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
         _inputs(told.inputs),
     ]
@@ -511,13 +510,8 @@ def comparison_page(
         Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
         Chapter("Recorded and computed", (Picture(draw, "Recorded and computed histories and spectra of the floors"),)),
         Chapter("Fitted", (fitted,) if fitted else ()),
-        _model_chapter(response.model, units),
+        model_chapter(response.model, units),
         _assumptions(words, ("recording and result are taken to the same band, without shift of phase",)),
         _inputs(told.inputs),
     ]
     return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
-
-
-def _model_chapter(model: Model, units: OutputUnits, peaks: StoryPeaks | None = None) -> Chapter:
-    omega, damping = assemble(model).first_mode()
-    return model_chapter(model, 2.0 * math.pi / omega, damping, units, peaks=peaks)
