@@ -23,7 +23,6 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     MARKERS,
-    add_title,
     changed,
     is_narrow,
     legend_columns,
@@ -32,6 +31,7 @@ from tdint.output.figures.style import (
     plain_logarithmic,
     plain_numbers,
     record_name,
+    titled,
 )
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 from tdint.written_numbers import how_many
@@ -133,8 +133,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     )
     pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
     title = f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{pair}"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
@@ -226,8 +225,7 @@ def ida_picture(study: IdaStudy) -> Figure:
     title = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
     if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
         title += f", {100.0 * study.measure.damping:g} % damping of Sa"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def draw_ida(axes: Any, study: IdaStudy) -> None:
@@ -361,8 +359,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     title += f"\n{how_many(function.records, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
@@ -390,8 +387,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
             axes.set_xlabel(_im_label(of_one[0]))
     lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
     figure.legend(lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2)
-    add_title(figure, "Probability of damage states and shares counted, 95 % confidence over the motions")
-    return figure
+    return titled(figure, "Probability of damage states and shares counted, 95 % confidence over the motions")
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
@@ -457,15 +453,9 @@ def _end(functions: Sequence[Fragility]) -> float:
     """Where the axis of intensity ends: behind the functions, but not far behind all observations."""
     ends = []
     for function in functions:
-        seen = (
-            function.points.im
-            if function.points is not None
-            else function.cloud.im
-            if function.cloud is not None
-            else np.array([])
-        )
+        observed = function.points or function.cloud
         curve = function.theta * math.exp(_FAR * function.beta)
-        most = float(np.max(seen)) if seen.size else curve
+        most = float(np.max(observed.im)) if observed and observed.im.size else curve
         ends.append(min(curve, 2.0 * max(most, function.theta)))
     return max(ends)
 

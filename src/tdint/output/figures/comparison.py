@@ -26,7 +26,6 @@ from tdint.output.figures.style import (
     NARROW,
     add_legend,
     add_ratio_axis,
-    add_title,
     changed,
     is_narrow,
     line_look,
@@ -37,6 +36,7 @@ from tdint.output.figures.style import (
     record_name,
     record_names,
     scaled_unit,
+    titled,
     write_note,
 )
 from tdint.output.tables.methods import PEER
@@ -116,8 +116,7 @@ def comparison_picture(
     panels[-1, 0].set_xlabel("time (s)")
     lines = panels[0, 0].get_lines()
     figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
-    add_title(figure, _title(comparisons[0], left_out))
-    return figure
+    return titled(figure, _title(comparisons[0], left_out))
 
 
 def _title(comparison: Comparison, left_out: int) -> str:
@@ -188,8 +187,7 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
     """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
-    add_title(figure, name)
-    return figure
+    return titled(figure, name)
 
 
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
@@ -223,8 +221,7 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     displacement.set(ylim=(0, result.period.size), ylabel="floor", xlabel=f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
     displacement.set_xlim(0.0, None)
-    add_title(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
-    return figure
+    return titled(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
 
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
@@ -265,8 +262,7 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     energy.set_ylabel(f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     kind = "cyclic test" if test.points else "path of drifts"
-    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
-    return figure
+    return titled(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
@@ -300,8 +296,7 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     curve, profile = figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     draw_curve(curve, result, units)
     _draw_profile(profile, result, units)
-    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
-    return figure
+    return titled(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
 
 
 def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
@@ -339,8 +334,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     n2 = next(made for made in results if made.method == "n2")
     _draw_oscillator(adrs, n2, units)
     _draw_profile(profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)])
-    add_title(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
-    return figure
+    return titled(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
 
 
 def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
@@ -425,18 +419,17 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
     draw_match(figure.add_subplot(grid[0, :]), matched, units)
     # Histories, the seed behind the match
-    names = (("acceleration", "m/s^2"), ("velocity", "m/s"), ("displacement", "m"))
     for column, part in enumerate(parts):
         below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
         for record, motion, look in zip((part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True):
             energy = np.cumsum(record.acceleration**2)
             rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
             time = record.dt * np.arange(record.acceleration.size)
-            for axes, values, si in zip(below, rows, ("m/s^2", "m/s", "m", ""), strict=True):
+            for axes, values, si in zip(below, rows, (*_MOTION.values(), ""), strict=True):
                 axes.plot(time, units.of(values, si) if si else 100.0 * values, **look)
         below[3].set_xlabel("time (s)")
         if column == 0:
-            for axes, (name, si) in zip(below, names, strict=False):
+            for axes, (name, si) in zip(below, _MOTION.items(), strict=False):
                 axes.set_ylabel(f"{name} ({units.label(si)})")
             below[3].set_ylabel("Arias intensity (%)")
         if len(parts) > 1:
@@ -444,8 +437,7 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
     aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
     of_pair = ", RotD100" if len(parts) > 1 else ""
-    add_title(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
-    return figure
+    return titled(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
 
 
 _MATCHED: dict[str, dict[str, Any]] = {
@@ -478,8 +470,7 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     subject += changed(spectrum.record for spectrum in spectra)
     b = spectra[0].bandwidth
     smoothing = "not smoothed" if math.isnan(b) else f"Konno-Ohmachi smoothing, b = {b:g}"
-    add_title(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
-    return figure
+    return titled(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
 
 
 def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
@@ -605,5 +596,4 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
-    add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
-    return figure
+    return titled(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
