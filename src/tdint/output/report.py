@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
-from tdint.output.page import DIGEST, Chapter, Part, Picture, Told, once, page, page_units
+from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
@@ -94,12 +94,6 @@ def damping_words(model: Model) -> str:
     return "no damping besides dashpots"
 
 
-def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]] = ()) -> Chapter:
-    """Files with their SHA-256, each once, and what else has one."""
-    rows = dict.fromkeys([*((given["file"], given["sha256"]) for given in inputs), *more])
-    return Chapter("Inputs", (Table(("file", DIGEST), list(rows)),))
-
-
 # ---- The pages of a run and of a suite: which chapters they have
 
 _MOST_MOTIONS = 60
@@ -159,7 +153,6 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (once(response.notes),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
 
@@ -255,9 +248,10 @@ def suite_page(
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
-        _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
     ]
-    told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
+    whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
+    inputs = [*(told.inputs or content["inputs"]), whole]
+    told = replace(told, warnings=[*told.warnings, *doubts, *of_records], inputs=inputs)
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
 
@@ -283,18 +277,15 @@ def _one_by_one(store: Store) -> Chapter:
     )
     rows = store.connection.execute(query).fetchall()
     several = len({row[0] for row in rows}) > 1
-    columns = ("building", "record", "component", "factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    of_drift = ("peak_drift_ratio", "peak_drift_m")
+    numbers = ("factor", *of_drift, "story", "ductility")
+    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {"peak_drift_m": {"unit": "m"}}
+    whole = Table(("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings)
     # A drift ratio says more than its length.
-    by_ratio = any(row[4] is not None for row in rows)
-    out = {"peak_drift_m" if by_ratio else "peak_drift_ratio", "" if several else "building"}
-    kept = [i for i, name in enumerate((*columns, "status")) if name not in out]
-    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[3:]} | {"peak_drift_m": {"unit": "m"}}
-    shown = [tuple(row[i] for i in kept) for row in rows[:_MOST_MOTIONS]]
+    left_out = of_drift[any(row[4] is not None for row in rows)]
+    shown = whole.chosen([name for name in whole.columns if name != left_out and (several or name != "building")])
     more = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all." if len(rows) > _MOST_MOTIONS else ""
-    return Chapter(
-        "Motions one by one, largest drift first",
-        (Table(tuple((*columns, "status")[i] for i in kept), shown, meanings), more),
-    )
+    return Chapter("Motions one by one, largest drift first", (shown, more))
 
 
 def _compared(ratios: Table) -> Table:
@@ -457,7 +448,6 @@ def pushover_page(
         Chapter("Stories at the target displacement", parts),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told)
 
@@ -488,7 +478,6 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
         Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Response spectrum analysis of {model.name}: {result.target.source}.", chapters, told)
 
@@ -512,6 +501,5 @@ def comparison_page(
         Chapter("Fitted", (fitted,) if fitted else ()),
         model_chapter(response.model, units),
         _assumptions(words, ("recording and result are taken to the same band, without shift of phase",)),
-        _inputs(told.inputs),
     ]
     return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
