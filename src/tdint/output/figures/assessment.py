@@ -292,9 +292,8 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
     axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
-    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
+    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("observed order")
     labels = axes.get_legend_handles_labels()[1]
     columns = legend_columns(labels, 4)
     figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))

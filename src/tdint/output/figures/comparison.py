@@ -99,8 +99,8 @@ def comparison_picture(
         event = f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
         agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
         _draw_histories(history, floor, units)
-        history.set_xlim(*_shaken(comparison))
-        history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
+        label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
+        history.set(xlim=_shaken(comparison), ylabel=label)
         history.set_title(f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor, units)
         close.set_xlim(*_strongest(comparison))
@@ -110,26 +110,22 @@ def comparison_picture(
         spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
         spectrum.tick_params(axis="x", which="both", labelsize=7.0)
         log_periods(spectrum, spectra.periods)
-    panels[-1, 1].set_xlabel("time (s)")
-    panels[-1, 2].set_xlabel("period (s)")
+    for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
+        axes.set_xlabel(label)
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
-    panels[-1, 0].set_xlabel("time (s)")
     lines = panels[0, 0].get_lines()
     figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
-    return titled(figure, _title(comparisons[0], left_out))
-
-
-def _title(comparison: Comparison, left_out: int) -> str:
-    """What was run, and how the recordings were brought to it."""
-    response, recording = comparison.response, comparison.event.recording
+    # What was run, and how the recordings were brought to it.
+    first = comparisons[0]
+    response, recording = first.response, first.event.recording
     how = [f"{response.method}, dt {response.dt:.4g} s"]
     if recording.band:
         how.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
-    if comparison.shift:
-        how.append(f"recordings shifted by {comparison.shift:.4g} s")
+    if first.shift:
+        how.append(f"recordings shifted by {first.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}"
+    return titled(figure, f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}")
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
@@ -200,10 +196,9 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
         marker = MARKERS[mode] if len(shapes) <= _MARKED else None
         look = line_look(mode) | {"marker": marker, "markersize": 4.0}
         axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
-    axes.set_ylim(0.0, floors[-1])
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-    axes.set_ylabel("floor")
-    axes.set_xlabel("shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1")
+    label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
+    axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
     axes.legend(loc="best")
 
 
@@ -218,9 +213,9 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     for number, (rule, values) in enumerate(floors.items()):
         moved = np.concatenate(([0.0], units.of(values, "m")))
         displacement.plot(moved, np.arange(moved.size), label=rule, **line_look(number))
-    displacement.set(ylim=(0, result.period.size), ylabel="floor", xlabel=f"displacement ({units.label('m')})")
+    displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
+    displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
-    displacement.set_xlim(0.0, None)
     return titled(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
 
 
@@ -257,9 +252,8 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     energy.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
     energy.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
     energy.legend(loc="upper left")
-    energy.set_xlim(0.0, max(cycle[-1], 1.0))
-    energy.set(ylim=(min(0.0, energy.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
-    energy.set_ylabel(f"energy ({unit})")
+    energy.set(xlim=(0.0, max(cycle[-1], 1.0)), ylim=(min(0.0, energy.get_ylim()[0]), None))
+    energy.set(xlabel="cycle" if test.points else "step", ylabel=f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     kind = "cyclic test" if test.points else "path of drifts"
     return titled(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
@@ -372,9 +366,9 @@ def _draw_profile(
         over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
-    axes.set_ylim(0.5, len(heights) + 0.5)
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.set(ylabel="story", xlabel="drift ratio (%)" if ratio else f"drift ({units.label('m')})")
+    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
+    axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=label)
 
 
 # ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias intensity builds up

@@ -63,15 +63,11 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     the height; the hysteresis of one story. Of a response without its history what is over the height.
     """
     units = units.in_pictures
-    if response.history is not None:
-        return _draw(response, response.history, units)
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    draw_profiles(figure.subplots(1, 3), response, units)
-    return titled(figure, f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s")
-
-
-def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
-    """The figure of a run with its history."""
+    title, history = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s", response.history
+    if history is None:
+        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        draw_profiles(figure.subplots(1, 3), response, units)
+        return titled(figure, title)
     narrow = is_narrow()
     figure = Figure(figsize=(8.0, 12.4 if narrow else 9.4), layout="constrained")
     grid = figure.add_gridspec(4, 1, height_ratios=(1.0, 1.6, 1.9, 6.4 if narrow else 3.4))
@@ -105,7 +101,6 @@ def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
     for number, shock in enumerate(response.shocks, start=1):
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
         figure.axes[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
-    title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
     if records:
         named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
@@ -125,9 +120,8 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
             axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
-    axes.set_ylabel(f"roof displacement\n({unit})")
+    axes.set(ylabel=f"roof displacement\n({unit})", xlim=(history.time[0], history.time[-1]))
     axes.tick_params(labelbottom=False)
-    axes.set_xlim(history.time[0], history.time[-1])
     _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
 
 
