@@ -23,7 +23,7 @@ from tdint.files import READ
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model
-from tdint.output.tables.table import converted, describe, described_in
+from tdint.output.tables.table import converted, describe, described_in, digits
 from tdint.system import CLOCKS, version_of_sources
 from tdint.units import SI, OutputUnits
 
@@ -59,10 +59,7 @@ def record_summary(record: Record) -> dict[str, Any]:
 
 
 def table_summary(
-    command: str,
-    settings: dict[str, Any],
-    records: Sequence[dict[str, Any]],
-    meanings: Mapping[str, Mapping[str, str]],
+    command: str, settings: dict[str, Any], records: Sequence[dict[str, Any]], meanings: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
     """Content of the JSON file beside a table.
 
@@ -204,21 +201,16 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float | np.floating):
-        # As in tables; JSON has no nan.
-        return float(format(value + 0.0, ".12g")) if math.isfinite(value) else None
+        return digits(value) if math.isfinite(value) else None  # JSON has no nan
     return value
 
 
 def motion_summary(record: Record) -> dict[str, Any]:
     """The numbers of a ground motion, as it is after its processing and scaling."""
+    words = ("id", "component", "start", "quantity", "units", "units_from")
     return {
         "file": record.source,
-        "id": record.id,
-        "component": record.component,
-        "start": record.start,
-        "quantity": record.quantity,
-        "units": record.units,
-        "units_from": record.units_from,
+        **{name: getattr(record, name) for name in words},
         "dt_s": record.dt,
         "samples": record.acceleration.size,
         "duration_s": record.duration,
@@ -244,7 +236,7 @@ def files_read() -> list[dict[str, str]]:
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     """Files and the SHA-256 of what was read of them."""
-    return [{"file": item.file, "sha256": item.sha256} for item in inputs]
+    return list(map(asdict, inputs))
 
 
 def versions() -> dict[str, Any]:
@@ -288,12 +280,11 @@ def chart_summary(
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
     """Content of the JSON file beside the table: the references and how well they are known, what is recommended."""
-    file = model_input(model)
     return {
         "schema": schema("chart"),
         "command": "chart",
         "name": model.name,
-        "model": {"file": file.file, "sha256": file.sha256},
+        "model": asdict(model_input(model)),
         "record": record_summary(record) if record else None,
         "target": target,
         "method_parameters": _parameters_of(point.line for chart in charts for point in chart.points),
@@ -450,14 +441,8 @@ def _event(comparison: Comparison) -> dict[str, Any]:
         "window_s": list(event.recording.window) if event.recording.window else None,
         "shift_s": comparison.shift,
         "floors": [
-            {
-                "floor": floor.floor,
-                "quantity": floor.quantity,
-                "samples": floor.time.size,
-                "correlation": floor.correlation,
-                "peak_ratio": floor.peak_ratio,
-                "rms_difference": floor.rms_difference,
-            }
+            {"floor": floor.floor, "quantity": floor.quantity, "samples": floor.time.size}
+            | {name: getattr(floor, name) for name in ("correlation", "peak_ratio", "rms_difference")}
             for floor in comparison.floors
         ],
         "notes": [*event.notes, *response.notes],
