@@ -57,14 +57,11 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     tables: dict[str, Any] = {}
     for column, value in values:
         renamed, factor = output_units.column(column.name, column.unit)
-        if isinstance(value, list):
-            tables[renamed] = value
-        elif isinstance(value, str):
-            tables[renamed] = [value] * size
-        elif isinstance(value, np.ndarray) and value.dtype.kind == "U":
-            tables[renamed] = value.tolist()
-        elif isinstance(value, np.ndarray):
-            tables[renamed] = value / factor if factor != 1.0 else value
+        if isinstance(value, np.ndarray):
+            words = value.dtype.kind == "U"
+            tables[renamed] = value.tolist() if words else value if factor == 1.0 else value / factor
+        elif isinstance(value, list | str):
+            tables[renamed] = [value] * size if isinstance(value, str) else value
         else:
             tables[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
     return tables
@@ -106,11 +103,8 @@ def to_xarray(runs: Runs) -> Any:
         about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
         told[story_quantity.name] = ("run", "story"), getattr(runs.stories, story_quantity.name), about
         if hasattr(runs.errors, story_quantity.name):
-            told[f"{story_quantity.name}_error"] = (
-                ("run", "story"),
-                getattr(runs.errors, story_quantity.name),
-                {"units": story_quantity.unit},
-            )
+            errors = getattr(runs.errors, story_quantity.name)
+            told[f"{story_quantity.name}_error"] = ("run", "story"), errors, {"units": story_quantity.unit}
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
