@@ -433,11 +433,10 @@ def pushover_page(
     """The page of a pushover, and of where a design spectrum pushes the building to."""
     model, units = result.model, page_units(units)
     drawn = partial(figures.comparison.pushover_picture, result, units)
-    if targets:
-        drawn = partial(figures.comparison.target_picture, targets, units)
     # The rows of a curve are for a plot; of a target displacement each story's drift is judged.
     parts: list[Part] = []
     if targets:
+        drawn = partial(figures.comparison.target_picture, targets, units)
         parts = [
             _words_of_methods(buildings.target_table(targets)),
             "The equivalent oscillators, and the building where they push it to:",

@@ -330,14 +330,14 @@ _MARKS = {
     "refused": _Mark("white", ink="0.45"),
     "": _Mark("0.82"),
 }
-_LEGEND = (
-    ("pass", "passes"),
-    ("loses energy", "loses energy"),
-    ("", "rings, overshoots, grows, inaccurate"),
-    ("gains energy", "gains energy"),
-    ("does not converge", "does not converge"),
-    ("blows up", "blows up"),
-)
+_LEGEND = {
+    "passes": "pass",
+    "loses energy": "loses energy",
+    "rings, overshoots, grows, inaccurate": "",
+    "gains energy": "gains energy",
+    "does not converge": "does not converge",
+    "blows up": "blows up",
+}
 _EXPLANATION = (
     "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the error that is judged.\n"
     "After a failure: the steps done until then. - : the method is not for this building."
@@ -355,64 +355,55 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     heads = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    narrow, room = is_narrow(), _rooms(methods, len(columns))
-    parts = [heads[first : first + room.columns] for first in range(0, len(heads), room.columns)]
-    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + room.height * len(methods) for part in parts)
-    figure = Figure(figsize=(room.width, high + (1.7 if narrow else 1.13)), layout="constrained")
+    narrow, (width, across, tall, upright) = is_narrow(), _rooms(methods, len(columns))
+    parts = [heads[first : first + across] for first in range(0, len(heads), across)]
+    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + tall * len(methods) for part in parts)
+    figure = Figure(figsize=(width, high + (1.7 if narrow else 1.13)), layout="constrained")
     panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
     # A cell for each trial; what is hatched has its words on a plain ground.
-    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if room.upright else 0.0}
+    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if upright else 0.0}
     for trial in trials:
-        panel, x = divmod(columns.index((trial.problem, trial.dt)), room.columns)
+        panel, x = divmod(columns.index((trial.problem, trial.dt)), across)
         y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
         panels[panel].add_patch(_patch(x, y, mark))
         behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
         panels[panel].text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
     # Problems above, methods at the side; a line between one problem and the next.
     for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
-        first = panel * room.columns
-        axes.set(xlim=(-0.5, room.columns - 0.5), ylim=(len(methods) - 0.5, -0.5))
+        first = panel * across
+        axes.set(xlim=(-0.5, across - 0.5), ylim=(len(methods) - 0.5, -0.5))
         axes.grid(False)
         axes.tick_params(length=0.0)
         axes.xaxis.tick_top()
-        turned = {"rotation": 90.0} if room.upright else {"rotation": 60.0, "ha": "left"}
+        turned = {"rotation": 90.0} if upright else {"rotation": 60.0, "ha": "left"}
         axes.set_xticks(range(len(part)), part, **turned)
         axes.set_yticks(range(len(methods)), methods, parse_math=False)
         for x in range(1, len(part)):
             if columns[first + x][0] != columns[first + x - 1][0]:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     # The legend has the looks, and above them what the numbers are.
-    handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
+    handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
     size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
-    texts = [text for _, text in _LEGEND]
     explanation = "\n".join(wrap(_EXPLANATION, _NARROW_FOOT)) if narrow else _EXPLANATION
-    legend = figure.legend(handles, texts, loc="outside lower center", title=explanation, **size)
+    legend = figure.legend(handles, list(_LEGEND), loc="outside lower center", title=explanation, **size)
     legend.get_title().set_multialignment("center")
     return titled(figure, "Problems on which methods fail")
 
 
-class _Rooms(NamedTuple):
-    """Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
-
-    width: float
-    columns: int
-    height: float
-    upright: bool
-
-
-def _rooms(methods: Sequence[str], count: int) -> _Rooms:
-    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers."""
+def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]:
+    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers.
+    Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
     side = _LINE + _LETTER_UP * max(map(len, methods))
     printed = PRINTED.get().width
     if not printed:
-        return _Rooms(max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], upright=False)
+        return max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], False
     width = printed / INCH
     for panels in range(1, _MOST_PANELS + 1):
         columns = math.ceil(count / panels)
         cell = (width - side) / columns
         if cell >= _UPRIGHT:
             upright = cell < _LEVEL
-            return _Rooms(width, columns, _TALL if upright else _CELL[1], upright)
+            return width, columns, _TALL if upright else _CELL[1], upright
     least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
     raise UsageError(f"the names of these methods and their numbers take a width of {least} mm at least")
 

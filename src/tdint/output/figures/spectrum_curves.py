@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
@@ -13,7 +14,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
@@ -115,11 +115,8 @@ def draw_over_periods(
             order = _shown(result.periods)
             period = result.periods[order]
             style = line_look(color, dash) | ({"marker": "o", "markersize": 4} if period.size < _FEW else {})
-            drawn = [
-                axes.plot(period, values(result)[order], **style)[0]
-                for axes, (_, values) in zip(rows[:, place], panels, strict=True)
-            ]
-            lines[label] = drawn[0]
+            for axes, (_, values) in zip(rows[:, place], panels, strict=True):
+                (lines[label],) = axes.plot(period, values(result)[order], **style)
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
         axes.set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
@@ -313,13 +310,11 @@ def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[
     part = min(max(float(part), 1.0 - _ROOM), _ROOM)
     room = np.array([x[1] - x[0], top - bottom])
     taken = [np.log(other.get_position()) for other in axes.texts]
-    for place in (part, part - _NEAR, part - 2.0 * _NEAR):
-        at = np.array([x[0] + place * (x[1] - x[0]), y[0] + place * (y[1] - y[0])])
-        if place > _NEAR and not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken):
-            break
-    else:
-        return
-    if not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
+    parts = (near for near in (part, part - _NEAR, part - 2.0 * _NEAR) if near > _NEAR)
+    places = (np.array([x[0] + near * (x[1] - x[0]), y[0] + near * (y[1] - y[0])]) for near in parts)
+    free = (at for at in places if not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken))
+    at = next(free, None)
+    if at is None or not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
         return
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": LIGHT, "clip_on": True, "zorder": 1.8}
@@ -481,22 +476,6 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     return titled(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A line of the figure: a percentile or the geometric mean of a motion and damping ratio."""
-
-    name: str
-    record: Record
-    damping: float
-    periods: Array
-    psa: Array
-
-    @property
-    def sd(self) -> Array:
-        """Displacement, m."""
-        return self.psa * (self.periods / (2.0 * math.pi)) ** 2
-
-
 def rotated_picture(
     spectra: Sequence[RotatedSpectrum], units: OutputUnits = SI, target: TargetSpectrum | None = None
 ) -> Figure:
@@ -510,14 +489,16 @@ def rotated_picture(
         Drawn over them.
     """
     units = units.in_pictures
-    lines = []
+    # A percentile or the geometric mean of a motion and damping ratio each.
+    lines: list[Any] = []
     for spectrum in spectra:
         motion = spectrum.motion
         files = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
         record = replace(motion.first, source="+".join(files), component=motion.component)
         percentiles = [f"RotD{percentile:02d}" for percentile in spectrum.percentiles]
         for name, psa in (*zip(percentiles, spectrum.psa, strict=True), ("geometric mean", spectrum.geometric_mean)):
-            lines.append(_Line(name, record, spectrum.damping, spectrum.periods, psa))
+            about = {"name": name, "record": record, "damping": spectrum.damping, "periods": spectrum.periods}
+            lines.append(SimpleNamespace(**about, psa=psa, sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2))
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
     figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
     if target is not None:
