@@ -101,9 +101,6 @@ SHOCKS = (
 )
 """Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
 
-FLOOR_RUNS = (*OF_BUILDING, FLOOR, *SPECTRUM)
-"""Of floor-spectra.csv of several runs."""
-
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
 """Of floor-spectra-mean.csv."""
 
@@ -206,16 +203,13 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 def story_columns(store: Store) -> tuple[Column, ...]:
     """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be the same motion."""
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *drawn, *_of_stories(store))
-
-
-def _of_stories(store: Store) -> tuple[Column, ...]:
-    return (*STORY, *STORY_ERROR * store.checked)
+    return (*OF_BUILDING, *drawn, *STORY, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
-    drawn, count, named = store.count("sample > 0") > 0, len(_of_stories(store)), run_heads(store)
+    drawn, named = store.count("sample > 0") > 0, run_heads(store)
+    count = len(STORY) + len(STORY_ERROR) * store.checked
     for building, record, scale, sample, *rest in store.stories():
         yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
 
@@ -325,8 +319,7 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
     # Two draws may be the same motion, so that their number tells rows apart.
     drawn = store.count("sample > 0") > 0
-    split = len(OF_BUILDING)
-    columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
+    columns = (*OF_BUILDING, *((SAMPLE,) if drawn else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
     heads: list[tuple[Cell, ...]] = []
     for run in floors:
@@ -401,11 +394,9 @@ def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
 
 def numeric(store: Store) -> list[bool]:
     """Of each column of the inventory whether all that stands there are numbers, empty cells aside."""
-    count = len(store.inventory_columns())
-    numbers_only, said = [True] * count, [False] * count
+    said: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
-        for place, text in enumerate(store.carried(number)):
+        for kinds, text in zip(said, store.carried(number), strict=False):
             if text:
-                said[place] = True
-                numbers_only[place] = numbers_only[place] and _NUMBER.fullmatch(text) is not None
-    return [sound and given for sound, given in zip(numbers_only, said, strict=True)]
+                kinds.add(_NUMBER.fullmatch(text) is not None)
+    return [kinds == {True} for kinds in said]

@@ -95,9 +95,6 @@ def _write_parquet(
             writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
-_AT = {name: place for place, name in enumerate(STORIES.columns)}
-
-
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
     """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute acceleration, m/s^2;
     floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof displacement over height), 1-PFD-FLOOR-DIR
@@ -156,20 +153,16 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
     """The cells of one run, those of stories that the building does not have empty."""
+    columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
     rest = [None] * (stories - len(rows))
-
-    def column(name: str) -> list[Any]:
-        return [row[_AT[name]] for row in rows]
-
-    heights = column("height_m")
-    roof = rows[-1][_AT["peak_displacement_m"]]
+    heights, displacements = columns["height_m"], columns["peak_displacement_m"]
     # A story without a height leaves the building without one.
-    roof_ratio = roof / sum(heights) if all(heights) else None
+    roof_ratio = displacements[-1] / sum(heights) if all(heights) else None
     return [
-        *(pga, *column("peak_absolute_acceleration_m_s2"), *rest),
-        *(*column("peak_drift_ratio"), *rest),
+        *(pga, *columns["peak_absolute_acceleration_m_s2"], *rest),
+        *(*columns["peak_drift_ratio"], *rest),
         roof_ratio,
-        *(*column("peak_displacement_m"), *rest),
+        *(*displacements, *rest),
     ]
 
 

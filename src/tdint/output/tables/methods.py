@@ -11,6 +11,7 @@ import numpy as np
 
 from tdint.methods.catalogue import references_of
 from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text
+from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -179,15 +180,12 @@ FAILURE = (
 
 
 def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
-    def column(quantity: str, name: str, unit: str) -> Column:
+    def column(quantity: str, unit: str) -> Column:
         about = f"largest error of the {quantity}, all floors, against {against}"
-        return Column(f"{prefix}{name}_error", unit, lambda run: run.error(quantity, reference), about)
+        name = f"{prefix}{quantity}{suffix(unit)}_error"
+        return Column(name, unit, lambda run: run.error(quantity, reference), about)
 
-    return (
-        column("displacement", "displacement_m", "m"),
-        column("velocity", "velocity_m_s", "m/s"),
-        column("acceleration", "acceleration_m_s2", "m/s^2"),
-    )
+    return tuple(map(column, ("displacement", "velocity", "acceleration"), ("m", "m/s", "m/s^2")))
 
 
 EXAMPLE = (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import Spectrum
+from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import HOUSNER_PERIODS, MEASURES, Measures, integrate, measure, spectrum_intensity
@@ -180,7 +180,6 @@ def record_info(record: AnyRecord) -> RecordInfo:
         The record is none, or cannot be read.
     """
     from tdint.analysis.given import record_of
-    from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 
     of_file = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
