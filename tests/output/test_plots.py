@@ -22,7 +22,7 @@ from tdint.model.config.model_file import load_model
 from tdint.output.figures.assessment import order_picture
 from tdint.output.figures.runs import floor_suite_picture, profile_picture, run_picture, sensitivity_picture
 from tdint.output.figures.spectrum_curves import draw_adrs, draw_tripartite, spectrum_picture
-from tdint.output.figures.style import add_title, changed, picture
+from tdint.output.figures.style import changed, picture, titled
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
@@ -147,7 +147,7 @@ def test_a_title_is_no_wider_than_its_figure():
     """Names of records make it long; nothing of it is lost."""
     figure = Figure(figsize=(7.2, 3.0))
     what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
-    add_title(figure, f"imk\n{what}")
+    titled(figure, f"imk\n{what}")
     assert figure.get_suptitle().split() == ["imk", *what.split()]
     figure.draw_without_rendering()
     box = figure._suptitle.get_window_extent()

@@ -171,7 +171,8 @@ class _Flow:
 
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
-    """The page, UTF-8: title, head, a sentence about it, warnings, chapters; and the versions that made it."""
+    """The page, UTF-8: title, head, a sentence about it, warnings, chapters, the files; and the versions that made
+    it."""
     # Sixteen digits of a plug-in's digest tell its versions apart.
     of_all = versions()
     code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
@@ -188,7 +189,9 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     flow.text("p", _said(about))
     for text in once(told.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
-    for chapter in chapters:
+    # Last come the files, each once.
+    files: list[tuple[Cell, ...]] = list(dict.fromkeys((given["file"], given["sha256"]) for given in told.inputs))
+    for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
         # What there is nothing to say of has no heading.
         if parts := [part for part in chapter.parts if _has(part)]:
             flow.place()

@@ -8,33 +8,10 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from tdint.analysis.assessment.failures import Trial
-from tdint.analysis.assessment.order import ObservedOrder
-from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
-from tdint.analysis.chart.profiles import FieldChart
-from tdint.analysis.chart.work_precision import Chart
-from tdint.analysis.compare import Comparison
-from tdint.analysis.matching import Match
-from tdint.analysis.run.outcome import Response
-from tdint.analysis.spectra.drift import DriftSpectrum
-from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum
-from tdint.analysis.spectra.floors import FloorSpectrum
-from tdint.analysis.spectra.fourier import FourierSpectrum
-from tdint.analysis.spectra.inelastic import InelasticSpectrum
-from tdint.analysis.spectra.modal import ModalResponse
-from tdint.analysis.spectra.rotated import RotatedSpectrum
-from tdint.analysis.static import CyclicTest, Pushover
-from tdint.analysis.target_displacement import TargetDisplacement
-from tdint.campaign.fragility.fit_table import FragilityResult
-from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.ida import IdaStudy
-from tdint.campaign.scaling import Scaling
-from tdint.campaign.sensitivity import Swing
+from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.ground_motion.record import Record
-from tdint.model.modes import Modes
 from tdint.output.figures import assessment, collapse, comparison, runs, spectrum_curves
 from tdint.output.figures.style import picture, style_context
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
@@ -54,20 +31,11 @@ _PERIODS = (0.04, 4.0, 100)
 @dataclass(frozen=True)
 class _Look:
     """How results of a kind are drawn: as a picture, and on axes where one panel says what they are; `alone`: a picture
-    shows one of them."""
+    shows one of them, which is then what these functions take in place of all."""
 
-    picture: Callable[[_Shown, OutputUnits], Figure]
-    on_axes: Callable[[Any, _Shown, OutputUnits], None] | None = None
+    picture: Callable[[Any, OutputUnits], Figure]
+    on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
     alone: bool = False
-
-
-def _of_one(picture: Callable[[Any, OutputUnits], Figure], on_axes: Callable[[Any, Any, OutputUnits], None]) -> _Look:
-    """The look of a kind of which a picture shows one."""
-    return _Look(
-        lambda results, units: picture(results[0], units),
-        lambda ax, results, units: on_axes(ax, results[0], units),
-        alone=True,
-    )
 
 
 @overload
@@ -140,6 +108,7 @@ def plot(
     """
     several = list(result) if isinstance(result, list | tuple | Several) else [result]
     kind = _kind_of(several)
+    shown = several[0] if kind.alone else several
     output_units = parse_output_units(units) if units else SI
     wide = figure_width(width, "plot:") if isinstance(width, str) else width
     written = parse_style(style, "plot: style") if isinstance(style, str) else PrintedAs(style=str(style or "") or None)
@@ -151,14 +120,14 @@ def plot(
         if kind.on_axes is None:
             raise UsageError(f"a {type(several[0]).__name__} has no single panel: plot it without axes")
         with style_context():
-            kind.on_axes(ax, several, output_units.in_pictures)
+            kind.on_axes(ax, shown, output_units.in_pictures)
         return ax
     # What draws asks for the looks where it stands, deep inside; they hold for this call alone.
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
         # Drawn once, for the file as for the notebook.
-        made = picture(path.suffix if path else ".png", lambda: kind.picture(several, output_units))
+        made = picture(path.suffix if path else ".png", lambda: kind.picture(shown, output_units))
         figure = made.figure()
         if path is not None:
             write_files({path: lambda stream: made.save(figure, stream)}, overwrite=True)
@@ -170,7 +139,7 @@ def plot(
 def _kind_of(results: _Shown) -> _Look:
     # A picture of several shows one kind, side by side or in one panel.
     kinds = {type(result) for result in results}
-    looks = _LOOKS.get(next(iter(kinds))) if len(kinds) == 1 else None
+    looks = _LOOKS.get(next(iter(kinds)).__name__) if len(kinds) == 1 else None
     if looks and (len(results) == 1 or not looks.alone):
         return looks
     kinds_named = " and ".join(sorted(result.__name__ for result in kinds)) or "nothing"
@@ -192,53 +161,57 @@ _INFO = _Look(
     lambda results, units: comparison.info_picture(_info(results), units),
     lambda ax, results, units: comparison.draw_acceleration(ax, _info(results)[0].record, units),
 )
-_LOOKS: dict[type, _Look] = {
-    Chart: _Look(
-        lambda results, _: assessment.chart_picture(results[0], name="Time against accuracy", target="peak-drift"),
+_LOOKS: dict[str, _Look] = {
+    "Chart": _Look(
+        lambda result, _: assessment.chart_picture(result, name="Time against accuracy", target="peak-drift"),
         alone=True,
     ),
-    Comparison: _Look(_compared),
-    CyclicTest: _of_one(comparison.cyclic_picture, comparison.draw_loop),
-    DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
-    FieldChart: _Look(lambda results, _: comparison.profile_picture(results[0], target="peak-drift"), alone=True),
-    FloorSpectrum: _Look(runs.floor_picture),
-    FourierSpectrum: _Look(comparison.fourier_picture, comparison.draw_fourier),
-    Fragility: _Look(
+    "Comparison": _Look(_compared),
+    "CyclicTest": _Look(comparison.cyclic_picture, comparison.draw_loop, alone=True),
+    "DriftSpectrum": _Look(spectrum_curves.drift_spectrum_picture),
+    "FieldChart": _Look(lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True),
+    "FloorSpectrum": _Look(runs.floor_picture),
+    "FourierSpectrum": _Look(comparison.fourier_picture, comparison.draw_fourier),
+    "Fragility": _Look(
         lambda results, _: collapse.fragility_picture(results),
         lambda ax, results, _: collapse.draw_functions(ax, results),
     ),
-    FragilityResult: _of_one(
+    "FragilityResult": _Look(
         lambda result, _: collapse.fragility_picture(result.functions),
         lambda ax, result, _: collapse.draw_functions(ax, result.functions),
+        alone=True,
     ),
-    IdaStudy: _of_one(
+    "IdaStudy": _Look(
         lambda result, units: collapse.ida_picture(result.in_units(units)),
         lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
+        alone=True,
     ),
-    InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
-    Match: _of_one(comparison.match_picture, comparison.draw_match),
-    ModalResponse: _of_one(comparison.modal_response_picture, comparison.draw_modal_drifts),
-    Modes: _of_one(
+    "InelasticSpectrum": _Look(spectrum_curves.inelastic_picture),
+    "Match": _Look(comparison.match_picture, comparison.draw_match, alone=True),
+    "ModalResponse": _Look(comparison.modal_response_picture, comparison.draw_modal_drifts, alone=True),
+    "Modes": _Look(
         lambda result, _: comparison.mode_picture(result, name="Modes"),
         lambda ax, result, _: comparison.draw_modes(ax, result),
+        alone=True,
     ),
-    ObservedOrder: _Look(lambda results, _: assessment.order_picture(results)),
-    Overshoot: _Look(lambda results, _: assessment.overshoot_picture(results)),
-    Pushover: _of_one(comparison.pushover_picture, comparison.draw_curve),
-    Record: _INFO,
-    RecordInfo: _INFO,
-    Response: _of_one(runs.run_picture, runs.draw_drifts),
-    RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
-    Scaling: _of_one(collapse.suite_picture, collapse.draw_suite),
-    Spectrum: _Look(
+    "ObservedOrder": _Look(lambda results, _: assessment.order_picture(results)),
+    "Overshoot": _Look(lambda results, _: assessment.overshoot_picture(results)),
+    "Pushover": _Look(comparison.pushover_picture, comparison.draw_curve, alone=True),
+    "Record": _INFO,
+    "RecordInfo": _INFO,
+    "Response": _Look(runs.run_picture, runs.draw_drifts, alone=True),
+    "RotatedSpectrum": _Look(spectrum_curves.rotated_picture),
+    "Scaling": _Look(collapse.suite_picture, collapse.draw_suite, alone=True),
+    "Spectrum": _Look(
         lambda results, units: spectrum_curves.spectrum_picture(results, units=units),
         spectrum_curves.draw_accelerations,
     ),
-    StabilityCurve: _Look(
+    "StabilityCurve": _Look(
         lambda results, _: assessment.stability_picture(results),
         lambda ax, results, _: assessment.draw_radius(ax, results),
     ),
-    Swing: _Look(runs.sensitivity_picture),
-    TargetDisplacement: _Look(comparison.target_picture),
-    Trial: _Look(lambda results, _: assessment.failure_picture(results)),
+    "Swing": _Look(runs.sensitivity_picture),
+    "TargetDisplacement": _Look(comparison.target_picture),
+    "Trial": _Look(lambda results, _: assessment.failure_picture(results)),
 }
+"""By the names of the results' classes, whose modules are not loaded for it."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
-from tdint.output.page import DIGEST, Chapter, Part, Picture, Told, once, page, page_units
+from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
@@ -53,18 +53,17 @@ LEFT_OUT = (
 """What a shear building leaves out."""
 
 
-def model_chapter(
-    model: Model, period: float, damping: float, units: OutputUnits = SI, *, peaks: StoryPeaks | None = None
-) -> Chapter:
-    """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta; with the
-    peaks of a run the period of the isolators' secant stiffness there, too."""
+def model_chapter(model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None) -> Chapter:
+    """The building: its stories from the ground up, period and damping ratio of its first mode, P-delta; with the peaks
+    of a run the period of the isolators' secant stiffness there, too."""
+    omega, damping = assemble(model).first_mode()
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     of_isolators = ""
     if any(story.isolator for story in model.stories):
         told = f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift" if peaks else ""
         of_isolators = f" (before the isolators yield{told})"
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {period:.4g} s{of_isolators} with "
+        f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} s{of_isolators} with "
         f"{100.0 * damping:.3g} % damping, "
         f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
@@ -93,12 +92,6 @@ def damping_words(model: Model) -> str:
         case ModalDamping(ratios):
             return f"modal damping of {', '.join(f'{100.0 * ratio:g}' for ratio in ratios)} %"
     return "no damping besides dashpots"
-
-
-def _inputs(inputs: Iterable[Mapping[str, Any]], more: Sequence[tuple[str, str]] = ()) -> Chapter:
-    """Files with their SHA-256, each once, and what else has one."""
-    rows = dict.fromkeys([*((given["file"], given["sha256"]) for given in inputs), *more])
-    return Chapter("Inputs", (Table(("file", DIGEST), list(rows)),))
 
 
 # ---- The pages of a run and of a suite: which chapters they have
@@ -156,11 +149,10 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        _model_chapter(model, units, response.stories),
+        model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
         Chapter("Notes", (once(response.notes),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
 
@@ -252,13 +244,14 @@ def suite_page(
         _one_by_one(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(model_chapter(item.model, item.period, assemble(item.model).first_mode()[1], units) for item in models),
+        *(model_chapter(item.model, units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
         _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
-        _inputs(told.inputs or content["inputs"], [("the whole campaign, its fingerprint", content["fingerprint"])]),
     ]
-    told = replace(told, warnings=[*told.warnings, *doubts, *of_records])
+    whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
+    inputs = [*(told.inputs or content["inputs"]), whole]
+    told = replace(told, warnings=[*told.warnings, *doubts, *of_records], inputs=inputs)
     return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
 
 
@@ -284,18 +277,15 @@ def _one_by_one(store: Store) -> Chapter:
     )
     rows = store.connection.execute(query).fetchall()
     several = len({row[0] for row in rows}) > 1
-    columns = ("building", "record", "component", "factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    of_drift = ("peak_drift_ratio", "peak_drift_m")
+    numbers = ("factor", *of_drift, "story", "ductility")
+    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {"peak_drift_m": {"unit": "m"}}
+    whole = Table(("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings)
     # A drift ratio says more than its length.
-    by_ratio = any(row[4] is not None for row in rows)
-    out = {"peak_drift_m" if by_ratio else "peak_drift_ratio", "" if several else "building"}
-    kept = [i for i, name in enumerate((*columns, "status")) if name not in out]
-    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[3:]} | {"peak_drift_m": {"unit": "m"}}
-    shown = [tuple(row[i] for i in kept) for row in rows[:_MOST_MOTIONS]]
+    left_out = of_drift[any(row[4] is not None for row in rows)]
+    shown = whole.chosen([name for name in whole.columns if name != left_out and (several or name != "building")])
     more = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all." if len(rows) > _MOST_MOTIONS else ""
-    return Chapter(
-        "Motions one by one, largest drift first",
-        (Table(tuple((*columns, "status")[i] for i in kept), shown, meanings), more),
-    )
+    return Chapter("Motions one by one, largest drift first", (shown, more))
 
 
 def _compared(ratios: Table) -> Table:
@@ -443,11 +433,10 @@ def pushover_page(
     """The page of a pushover, and of where a design spectrum pushes the building to."""
     model, units = result.model, page_units(units)
     drawn = partial(figures.comparison.pushover_picture, result, units)
-    if targets:
-        drawn = partial(figures.comparison.target_picture, targets, units)
     # The rows of a curve are for a plot; of a target displacement each story's drift is judged.
     parts: list[Part] = []
     if targets:
+        drawn = partial(figures.comparison.target_picture, targets, units)
         parts = [
             _words_of_methods(buildings.target_table(targets)),
             "The equivalent oscillators, and the building where they push it to:",
@@ -456,9 +445,8 @@ def pushover_page(
     chapters = [
         Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
         Chapter("Stories at the target displacement", parts),
-        _model_chapter(model, units),
+        model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told)
 
@@ -487,9 +475,8 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
         Chapter("Result", (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}"))),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
-        _model_chapter(model, units),
+        model_chapter(model, units),
         Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
-        _inputs(told.inputs),
     ]
     return page(model.name, f"Response spectrum analysis of {model.name}: {result.target.source}.", chapters, told)
 
@@ -511,13 +498,7 @@ def comparison_page(
         Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
         Chapter("Recorded and computed", (Picture(draw, "Recorded and computed histories and spectra of the floors"),)),
         Chapter("Fitted", (fitted,) if fitted else ()),
-        _model_chapter(response.model, units),
+        model_chapter(response.model, units),
         _assumptions(words, ("recording and result are taken to the same band, without shift of phase",)),
-        _inputs(told.inputs),
     ]
     return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
-
-
-def _model_chapter(model: Model, units: OutputUnits, peaks: StoryPeaks | None = None) -> Chapter:
-    omega, damping = assemble(model).first_mode()
-    return model_chapter(model, 2.0 * math.pi / omega, damping, units, peaks=peaks)

@@ -284,7 +284,7 @@ def _damage(response: Response) -> dict[str, Any]:
     assert damage is not None
     states = damage.states
     told = {
-        demand_key(states.demand): float(damage.demand[0]),
+        f"{states.demand}{suffix(DEMANDS_OF_DAMAGE[states.demand].unit)}": float(damage.demand[0]),
         "state": damage.state[0],
         "outcomes": [
             {"outcome": outcome, "probability": probability}
@@ -293,11 +293,6 @@ def _damage(response: Response) -> dict[str, Any]:
         **({"loss_ratio": float(damage.loss[0])} if states.losses else {}),
     }
     return {"damage": told}
-
-
-def demand_key(demand: str) -> str:
-    """The key of what damage states are told by."""
-    return f"{demand}{suffix(DEMANDS_OF_DAMAGE[demand].unit)}"
 
 
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:

@@ -23,7 +23,7 @@ from tdint.files import READ
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model
-from tdint.output.tables.table import converted, describe, described_in
+from tdint.output.tables.table import converted, describe, described_in, digits
 from tdint.system import CLOCKS, version_of_sources
 from tdint.units import SI, OutputUnits
 
@@ -59,10 +59,7 @@ def record_summary(record: Record) -> dict[str, Any]:
 
 
 def table_summary(
-    command: str,
-    settings: dict[str, Any],
-    records: Sequence[dict[str, Any]],
-    meanings: Mapping[str, Mapping[str, str]],
+    command: str, settings: dict[str, Any], records: Sequence[dict[str, Any]], meanings: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
     """Content of the JSON file beside a table.
 
@@ -143,29 +140,26 @@ def in_units(
     keys : mapping
         SI units of keys, beside those that summaries share.
     """
-    return content if units == SI else _converted(content, units, {**_UNITS, **keys})
-
-
-def _converted(content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str]) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for key, value in content.items():
-        # Settings stay as they were typed; what columns mean changes with their units.
-        if key == "settings":
-            result[key] = {**value, "output_units": str(units)}
-        elif key in ("columns", "meanings") and isinstance(value, Mapping):
-            result[key] = described_in(value, units)
-        else:
-            name, factor = units.column(key, keys.get(key, "1"))
-            result[name] = _value_in(value, units, keys, factor)
+    result: dict[str, Any] = content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
     return result
 
 
-def _value_in(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
-    if isinstance(value, dict):
-        return _converted(value, units, keys)
+def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
     if isinstance(value, list | tuple):
-        return [_value_in(item, units, keys, factor) for item in value]
-    return converted(value, factor)
+        return [_in_units(item, units, keys, factor) for item in value]
+    if not isinstance(value, dict):
+        return converted(value, factor)
+    result: dict[str, Any] = {}
+    for key, part in value.items():
+        # Settings stay as they were typed; what columns mean changes with their units.
+        if key == "settings":
+            result[key] = {**part, "output_units": str(units)}
+        elif key in ("columns", "meanings") and isinstance(part, Mapping):
+            result[key] = described_in(part, units)
+        else:
+            name, factor_of_key = units.column(key, keys.get(key, "1"))
+            result[name] = _in_units(part, units, keys, factor_of_key)
+    return result
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
@@ -207,21 +201,16 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float | np.floating):
-        # As in tables; JSON has no nan.
-        return float(format(value + 0.0, ".12g")) if math.isfinite(value) else None
+        return digits(value) if math.isfinite(value) else None  # JSON has no nan
     return value
 
 
 def motion_summary(record: Record) -> dict[str, Any]:
     """The numbers of a ground motion, as it is after its processing and scaling."""
+    words = ("id", "component", "start", "quantity", "units", "units_from")
     return {
         "file": record.source,
-        "id": record.id,
-        "component": record.component,
-        "start": record.start,
-        "quantity": record.quantity,
-        "units": record.units,
-        "units_from": record.units_from,
+        **{name: getattr(record, name) for name in words},
         "dt_s": record.dt,
         "samples": record.acceleration.size,
         "duration_s": record.duration,
@@ -247,7 +236,7 @@ def files_read() -> list[dict[str, str]]:
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     """Files and the SHA-256 of what was read of them."""
-    return [{"file": item.file, "sha256": item.sha256} for item in inputs]
+    return list(map(asdict, inputs))
 
 
 def versions() -> dict[str, Any]:
@@ -291,12 +280,11 @@ def chart_summary(
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
     """Content of the JSON file beside the table: the references and how well they are known, what is recommended."""
-    file = model_input(model)
     return {
         "schema": schema("chart"),
         "command": "chart",
         "name": model.name,
-        "model": {"file": file.file, "sha256": file.sha256},
+        "model": asdict(model_input(model)),
         "record": record_summary(record) if record else None,
         "target": target,
         "method_parameters": _parameters_of(point.line for chart in charts for point in chart.points),
@@ -453,14 +441,8 @@ def _event(comparison: Comparison) -> dict[str, Any]:
         "window_s": list(event.recording.window) if event.recording.window else None,
         "shift_s": comparison.shift,
         "floors": [
-            {
-                "floor": floor.floor,
-                "quantity": floor.quantity,
-                "samples": floor.time.size,
-                "correlation": floor.correlation,
-                "peak_ratio": floor.peak_ratio,
-                "rms_difference": floor.rms_difference,
-            }
+            {"floor": floor.floor, "quantity": floor.quantity, "samples": floor.time.size}
+            | {name: getattr(floor, name) for name in ("correlation", "peak_ratio", "rms_difference")}
             for floor in comparison.floors
         ],
         "notes": [*event.notes, *response.notes],

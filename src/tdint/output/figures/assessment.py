@@ -23,12 +23,12 @@ from tdint.output.figures.style import (
     LIGHT,
     NARROW,
     add_legend,
-    add_title,
     is_narrow,
     legend_columns,
     method_looks,
     plain_minor_numbers,
     plain_numbers,
+    titled,
     write_labels,
 )
 from tdint.output.printed import PRINTED
@@ -63,29 +63,17 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
     grid = figure.add_gridspec(3 if band else 2, 2)
     radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
-    zoom = figure.add_subplot(grid[2, :]) if band else None
-    lines = []
-    # Accuracy is of interest for small steps alone: its panels end there.
-    for curve, style in zip(curves, _curve_styles(curves), strict=True):
-        x = curve.dt_over_t
-        lines += _plot(radius, x, np.minimum(curve.spectral_radius, _FAR_ABOVE), style)
-        near = x <= _ACCURACY_RANGE * 1.01
-        for axes, values in (
-            (decay, curve.amplitude_decay),
-            (period, curve.period_error),
-            (damping, curve.numerical_damping),
-        ):
-            _plot(axes, x[near], 100.0 * values[near], style)
-        if zoom is not None:
-            growth = curve.spectral_radius - 1.0
-            _plot(zoom, 2.0 * math.pi * x, np.where(growth > _ROUNDING, growth, math.nan), style)
-    _frame_radius(radius, curves)
-    for axes, quantity in ((period, "period_error"), (damping, "numerical_damping"), (decay, "amplitude_decay")):
-        _frame_accuracy(axes, quantity)
+    styles = _curve_styles(curves)
+    lines = _draw_quantity(radius, curves, "spectral_radius", styles)
+    for axes, quantity in ((decay, "amplitude_decay"), (period, "period_error"), (damping, "numerical_damping")):
+        _draw_quantity(axes, curves, quantity, styles)
     # Around sqrt(12), the stability limit of linear acceleration.
-    if zoom is not None:
-        zoom.set(yscale="log", ylim=(1e-4, 1.0))
-        zoom.set_xlim(*_BAND)
+    if band:
+        zoom = figure.add_subplot(grid[2, :])
+        for curve, style in zip(curves, styles, strict=True):
+            growth = curve.spectral_radius - 1.0
+            _plot(zoom, 2.0 * math.pi * curve.dt_over_t, np.where(growth > _ROUNDING, growth, math.nan), style)
+        zoom.set(yscale="log", ylim=(1e-4, 1.0), xlim=_BAND)
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
     add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
@@ -94,8 +82,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
     if len(curves) == 1:
         title = f"{curves[0].method}\n{title}"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
@@ -135,8 +122,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
         "over the exact amplitude\n"
         "The exact motion stays in the shaded band"
     )
-    add_title(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
-    return figure
+    return titled(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
 
 
 def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int = 0) -> Figure:
@@ -159,8 +145,7 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
         title += f", frequency ratio {first.frequency_ratio:g}"
     if len({order.method for order in measured}) == 1:
         title = f"{first.method}\n{title}"
-    add_title(figure, name + title)
-    return figure
+    return titled(figure, name + title)
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
@@ -191,10 +176,10 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
 
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     """The spectral radius over dt/T."""
-    labels = _curve_labels(curves)
-    for curve, style, label in zip(curves, _curve_styles(curves), labels, strict=True):
-        _plot(axes, curve.dt_over_t, np.minimum(curve.spectral_radius, _FAR_ABOVE), {**style, "label": label})
-    _frame_radius(axes, curves)
+    styles = [
+        style | {"label": label} for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
+    ]
+    _draw_quantity(axes, curves, "spectral_radius", styles)
     axes.legend(loc="best")
 
 
@@ -203,21 +188,9 @@ def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str
     the last `thin` lines are thin."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     axes = figure.subplots()
-    lines = []
-    for curve, style in zip(curves, _thinned(_curve_styles(curves), thin), strict=True):
-        values = getattr(curve, quantity)
-        if quantity == "spectral_radius":
-            lines += _plot(axes, curve.dt_over_t, np.minimum(values, _FAR_ABOVE), style)
-        else:
-            near = curve.dt_over_t <= _ACCURACY_RANGE * 1.01
-            lines += _plot(axes, curve.dt_over_t[near], 100.0 * values[near], style)
-    if quantity == "spectral_radius":
-        _frame_radius(axes, curves)
-    else:
-        _frame_accuracy(axes, quantity)
+    lines = _draw_quantity(axes, curves, quantity, _thinned(_curve_styles(curves), thin))
     add_legend(figure, axes, lines, _curve_labels(curves), NARROW)
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
@@ -235,17 +208,6 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
     return [curve.method + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
 
-def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
-    axes.set_xscale("log")
-    low, high = (float(limit([limit(curve.dt_over_t) for curve in curves])) for limit in (np.min, np.max))
-    low, high = max(low, _RADIUS_RANGE[0]), min(high, _RADIUS_RANGE[1])
-    if low < high:
-        axes.set_xlim(low, high)
-    axes.axhline(1.0, color=LIGHT, linewidth=0.8)
-    smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
-    axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), xlabel="dt / T", ylabel="spectral radius")
-
-
 _ACCURACIES = {
     "period_error": ("period error (%)", -20.0, 60.0),
     "numerical_damping": ("numerical damping ratio (%)", -2.0, 20.0),
@@ -254,12 +216,35 @@ _ACCURACIES = {
 """Of each quantity its label, and what its axis shows at most: beyond, methods are of no use."""
 
 
-def _frame_accuracy(axes: Any, quantity: str) -> None:
-    """Limits within those of the quantity, and not so narrow that rounding is seen."""
+def _draw_quantity(
+    axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[dict[str, Any]]
+) -> list[Any]:
+    """A line of each curve, and the axes that go with the quantity."""
+    lines = []
+    for curve, style in zip(curves, styles, strict=True):
+        x, y = curve.dt_over_t, getattr(curve, quantity)
+        near = x <= _ACCURACY_RANGE * 1.01
+        if quantity == "spectral_radius":
+            lines += _plot(axes, x, np.minimum(y, _FAR_ABOVE), style)
+        else:
+            lines += _plot(axes, x[near], 100.0 * y[near], style)
+    axes.set_xlabel("dt / T")
+    if quantity == "spectral_radius":
+        axes.set_xscale("log")
+        steps = np.concatenate([curve.dt_over_t for curve in curves])
+        low, high = max(float(np.min(steps)), _RADIUS_RANGE[0]), min(float(np.max(steps)), _RADIUS_RANGE[1])
+        if low < high:
+            axes.set_xlim(low, high)
+        axes.axhline(1.0, color=LIGHT, linewidth=0.8)
+        smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
+        axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), ylabel="spectral radius")
+        return lines
+    # Accuracy is of interest for small steps alone. Limits are not so narrow that rounding is seen.
     name, low, high = _ACCURACIES[quantity]
     bottom, top = axes.get_ylim()
-    axes.set(ylim=(min(max(bottom, low), -0.05), max(min(top, high), 1.0)), xlim=(0.0, _ACCURACY_RANGE))
-    axes.set(xlabel="dt / T", ylabel=name)
+    limits = min(max(bottom, low), -0.05), max(min(top, high), 1.0)
+    axes.set(ylim=limits, xlim=(0.0, _ACCURACY_RANGE), ylabel=name)
+    return lines
 
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
@@ -307,9 +292,8 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         if math.isnan(order.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
     axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
-    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6))
+    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("observed order")
     labels = axes.get_legend_handles_labels()[1]
     columns = legend_columns(labels, 4)
     figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))
@@ -346,14 +330,14 @@ _MARKS = {
     "refused": _Mark("white", ink="0.45"),
     "": _Mark("0.82"),
 }
-_LEGEND = (
-    ("pass", "passes"),
-    ("loses energy", "loses energy"),
-    ("", "rings, overshoots, grows, inaccurate"),
-    ("gains energy", "gains energy"),
-    ("does not converge", "does not converge"),
-    ("blows up", "blows up"),
-)
+_LEGEND = {
+    "passes": "pass",
+    "loses energy": "loses energy",
+    "rings, overshoots, grows, inaccurate": "",
+    "gains energy": "gains energy",
+    "does not converge": "does not converge",
+    "blows up": "blows up",
+}
 _EXPLANATION = (
     "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the error that is judged.\n"
     "After a failure: the steps done until then. - : the method is not for this building."
@@ -371,65 +355,55 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     heads = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    narrow, room = is_narrow(), _rooms(methods, len(columns))
-    parts = [heads[first : first + room.columns] for first in range(0, len(heads), room.columns)]
-    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + room.height * len(methods) for part in parts)
-    figure = Figure(figsize=(room.width, high + (1.7 if narrow else 1.13)), layout="constrained")
+    narrow, (width, across, tall, upright) = is_narrow(), _rooms(methods, len(columns))
+    parts = [heads[first : first + across] for first in range(0, len(heads), across)]
+    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + tall * len(methods) for part in parts)
+    figure = Figure(figsize=(width, high + (1.7 if narrow else 1.13)), layout="constrained")
     panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
     # A cell for each trial; what is hatched has its words on a plain ground.
-    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if room.upright else 0.0}
+    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if upright else 0.0}
     for trial in trials:
-        panel, x = divmod(columns.index((trial.problem, trial.dt)), room.columns)
+        panel, x = divmod(columns.index((trial.problem, trial.dt)), across)
         y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
         panels[panel].add_patch(_patch(x, y, mark))
         behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
         panels[panel].text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
     # Problems above, methods at the side; a line between one problem and the next.
     for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
-        first = panel * room.columns
-        axes.set(xlim=(-0.5, room.columns - 0.5), ylim=(len(methods) - 0.5, -0.5))
+        first = panel * across
+        axes.set(xlim=(-0.5, across - 0.5), ylim=(len(methods) - 0.5, -0.5))
         axes.grid(False)
         axes.tick_params(length=0.0)
         axes.xaxis.tick_top()
-        turned = {"rotation": 90.0} if room.upright else {"rotation": 60.0, "ha": "left"}
+        turned = {"rotation": 90.0} if upright else {"rotation": 60.0, "ha": "left"}
         axes.set_xticks(range(len(part)), part, **turned)
         axes.set_yticks(range(len(methods)), methods, parse_math=False)
         for x in range(1, len(part)):
             if columns[first + x][0] != columns[first + x - 1][0]:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     # The legend has the looks, and above them what the numbers are.
-    handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
+    handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
     size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
-    texts = [text for _, text in _LEGEND]
     explanation = "\n".join(wrap(_EXPLANATION, _NARROW_FOOT)) if narrow else _EXPLANATION
-    legend = figure.legend(handles, texts, loc="outside lower center", title=explanation, **size)
+    legend = figure.legend(handles, list(_LEGEND), loc="outside lower center", title=explanation, **size)
     legend.get_title().set_multialignment("center")
-    add_title(figure, "Problems on which methods fail")
-    return figure
+    return titled(figure, "Problems on which methods fail")
 
 
-class _Rooms(NamedTuple):
-    """Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
-
-    width: float
-    columns: int
-    height: float
-    upright: bool
-
-
-def _rooms(methods: Sequence[str], count: int) -> _Rooms:
-    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers."""
+def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]:
+    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers.
+    Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
     side = _LINE + _LETTER_UP * max(map(len, methods))
     printed = PRINTED.get().width
     if not printed:
-        return _Rooms(max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], upright=False)
+        return max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], False
     width = printed / INCH
     for panels in range(1, _MOST_PANELS + 1):
         columns = math.ceil(count / panels)
         cell = (width - side) / columns
         if cell >= _UPRIGHT:
             upright = cell < _LEVEL
-            return _Rooms(width, columns, _TALL if upright else _CELL[1], upright)
+            return width, columns, _TALL if upright else _CELL[1], upright
     least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
     raise UsageError(f"the names of these methods and their numbers take a width of {least} mm at least")
 
@@ -522,7 +496,7 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str, highlight:
     cost.plot(ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
     cost.set_ylim(limits)
     add_legend(figure, cost, handles, lines, NARROW)
-    add_title(
+    titled(
         figure,
         f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
     )
@@ -569,19 +543,10 @@ class _Drawing:
                 front.append(point)
         return front
 
-    def shown(self) -> list[Point]:
-        """Points that have a mark: those above the gap, and of each line the cheapest below it."""
-        return [point for points in self.lines.values() for point in (*self.known(points), *self.below(points))]
-
     def below(self, points: Sequence[Point]) -> list[Point]:
         """The cheapest point below the gap, if there is one."""
         below = [point for point in points if point.error(self.target) <= self.gap]
         return [min(below, key=self.cost)] if below else []
-
-    def own(self) -> list[Point]:
-        """The points with the record's own step."""
-        interval = self.chart.interval
-        return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
 
 
 def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
@@ -598,16 +563,20 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     front = drawing.front()
     (band,) = axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
     handles = []
+    shown: list[Point] = []  # with a mark
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         style = styles[line]
         compared, below = drawing.known(points), drawing.below(points)
+        shown += [*compared, *below]
         axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
         axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
         axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
         handles += axes.plot([], [], **style)
     rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
-    axes.plot(*_columns(drawing, drawing.own()), linestyle="none", **rings, markeredgewidth=0.8)
+    interval = drawing.chart.interval
+    own = [point for point in shown if abs(point.dt - interval) <= 1e-9 * interval]
+    axes.plot(*_columns(drawing, own), linestyle="none", **rings, markeredgewidth=0.8)
     _chart_frame(axes)
     if drawing.versus != "time":  # within a decade, often
         plain_numbers(axes.yaxis)
@@ -621,9 +590,8 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
     add_legend(figure, axes, [*handles, band], [*drawing.lines, "the best at each error"], NARROW)
-    add_title(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
+    titled(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
     # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
-    shown = drawing.shown()
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
     labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
     labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
@@ -662,8 +630,7 @@ def _footnote(drawing: _Drawing) -> str:
 
 
 def _title(drawing: _Drawing, name: str, subject: str) -> str:
-    stories = drawing.chart.stories
-    return f"{name}\n{how_many(stories, 'story')}: {subject}"
+    return f"{name}\n{how_many(drawing.chart.stories, 'story')}: {subject}"
 
 
 def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
@@ -684,5 +651,4 @@ def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, NARROW)
-    add_title(figure, _title(drawing, name, "error over the time step"))
-    return figure
+    return titled(figure, _title(drawing, name, "error over the time step"))

@@ -23,7 +23,6 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     MARKERS,
-    add_title,
     changed,
     is_narrow,
     legend_columns,
@@ -32,6 +31,7 @@ from tdint.output.figures.style import (
     plain_logarithmic,
     plain_numbers,
     record_name,
+    titled,
 )
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 from tdint.written_numbers import how_many
@@ -133,8 +133,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     )
     pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
     title = f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{pair}"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
@@ -226,8 +225,7 @@ def ida_picture(study: IdaStudy) -> Figure:
     title = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
     if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
         title += f", {100.0 * study.measure.damping:g} % damping of Sa"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def draw_ida(axes: Any, study: IdaStudy) -> None:
@@ -292,21 +290,17 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     """A mark where each curve becomes flat, another where it ends for want of higher levels."""
-    groups: dict[str, list[tuple[float, float]]] = {"collapse": [], "again": [], "censored": []}
+    collapses = ("o", COLORS[1], "capacity against collapse")
+    again = ("D", "white", "the same, stands again above it")
+    censored = ("^", "white", "does not collapse up to here")
+    groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {collapses: [], again: [], censored: []}
     for curve in study.curves:
-        if not curve.stable:
-            continue
-        drift = min(curve.stable[-1].drift_ratio, limit)
-        kind = "censored" if curve.collapse.censored else "again" if curve.resurrection else "collapse"
-        groups[kind].append((100.0 * drift, curve.collapse.capacity))
-    looks = {
-        "collapse": ("o", COLORS[1], "capacity against collapse"),
-        "again": ("D", "white", "the same, stands again above it"),
-        "censored": ("^", "white", "does not collapse up to here"),
-    }
-    for kind, points in groups.items():
+        if curve.stable:
+            drift = min(curve.stable[-1].drift_ratio, limit)
+            look = censored if curve.collapse.censored else again if curve.resurrection else collapses
+            groups[look].append((100.0 * drift, curve.collapse.capacity))
+    for (marker, face, label), points in groups.items():
         if points:
-            marker, face, label = looks[kind]
             x, y = zip(*points, strict=True)
             # Of several states each kind is named once.
             shown = None if label in axes.get_legend_handles_labels()[1] else label
@@ -361,8 +355,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     title += f"\n{how_many(function.records, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
@@ -390,8 +383,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
             axes.set_xlabel(_im_label(of_one[0]))
     lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
     figure.legend(lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2)
-    add_title(figure, "Probability of damage states and shares counted, 95 % confidence over the motions")
-    return figure
+    return titled(figure, "Probability of damage states and shares counted, 95 % confidence over the motions")
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
@@ -401,13 +393,9 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
     for function in functions:
         i = states.index(function.state)
         style = line_look(i)
-        if np.isfinite(function.covariance).all():
-            axes.fill_between(im, *function.band(im), color=style["color"], alpha=0.08, linewidth=0.0)
-            for edge in function.band(im):
-                axes.plot(im, edge, linewidth=0.4, **style)
+        _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
         axes.plot(im, function.probability(im, total=function.beta_model > 0.0), linewidth=1.6, **style)
-        mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 3.5, "markerfacecolor": "white"}
-        _draw_counted(axes, function, end, color=style["color"], **mark)
+        _draw_counted(axes, function, end, color=style["color"], marker=MARKERS[i % len(MARKERS)], markersize=3.5)
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
@@ -418,22 +406,26 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
     for i, function in enumerate(functions):
         look = line_look(i)
         color = look["color"]
-        if np.isfinite(function.covariance).all():  # else there is no interval
-            low, high = function.band(im)
-            axes.fill_between(im, low, high, color=color, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.0)
-            for edge in (low, high):
-                axes.plot(im, edge, **look, linewidth=0.5)
+        _draw_band(axes, function, im, look, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.5)
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
         if function.beta_model and total:
             whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
             axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
-        mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "white"}
-        _draw_counted(axes, function, end, color=color, **mark)
+        _draw_counted(axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5)
     if any(np.isfinite(function.covariance).all() for function in functions):
         axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     _name_functions(axes, functions)
+
+
+def _draw_band(axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float) -> None:
+    """The confidence band of a function, where there is an interval."""
+    if np.isfinite(function.covariance).all():
+        low, high = function.band(im)
+        axes.fill_between(im, low, high, color=look["color"], alpha=alpha, linewidth=0.0)
+        for edge in (low, high):
+            axes.plot(im, edge, **look, linewidth=linewidth)
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
@@ -450,22 +442,16 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
         points = Points(counted.im, counted.share)
     if points is not None:
         shown = points.im <= end
-        axes.plot(points.im[shown], points.part[shown], linestyle="none", zorder=4, **look)
+        axes.plot(points.im[shown], points.part[shown], linestyle="none", markerfacecolor="white", zorder=4, **look)
 
 
 def _end(functions: Sequence[Fragility]) -> float:
     """Where the axis of intensity ends: behind the functions, but not far behind all observations."""
     ends = []
     for function in functions:
-        seen = (
-            function.points.im
-            if function.points is not None
-            else function.cloud.im
-            if function.cloud is not None
-            else np.array([])
-        )
+        observed = function.points or function.cloud
         curve = function.theta * math.exp(_FAR * function.beta)
-        most = float(np.max(seen)) if seen.size else curve
+        most = float(np.max(observed.im)) if observed and observed.im.size else curve
         ends.append(min(curve, 2.0 * max(most, function.theta)))
     return max(ends)
 

@@ -26,7 +26,6 @@ from tdint.output.figures.style import (
     NARROW,
     add_legend,
     add_ratio_axis,
-    add_title,
     changed,
     is_narrow,
     line_look,
@@ -37,6 +36,7 @@ from tdint.output.figures.style import (
     record_name,
     record_names,
     scaled_unit,
+    titled,
     write_note,
 )
 from tdint.output.tables.methods import PEER
@@ -99,8 +99,8 @@ def comparison_picture(
         event = f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
         agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
         _draw_histories(history, floor, units)
-        history.set_xlim(*_shaken(comparison))
-        history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
+        label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
+        history.set(xlim=_shaken(comparison), ylabel=label)
         history.set_title(f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor, units)
         close.set_xlim(*_strongest(comparison))
@@ -110,27 +110,22 @@ def comparison_picture(
         spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
         spectrum.tick_params(axis="x", which="both", labelsize=7.0)
         log_periods(spectrum, spectra.periods)
-    panels[-1, 1].set_xlabel("time (s)")
-    panels[-1, 2].set_xlabel("period (s)")
+    for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
+        axes.set_xlabel(label)
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
-    panels[-1, 0].set_xlabel("time (s)")
     lines = panels[0, 0].get_lines()
     figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
-    add_title(figure, _title(comparisons[0], left_out))
-    return figure
-
-
-def _title(comparison: Comparison, left_out: int) -> str:
-    """What was run, and how the recordings were brought to it."""
-    response, recording = comparison.response, comparison.event.recording
+    # What was run, and how the recordings were brought to it.
+    first = comparisons[0]
+    response, recording = first.response, first.event.recording
     how = [f"{response.method}, dt {response.dt:.4g} s"]
     if recording.band:
         how.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
-    if comparison.shift:
-        how.append(f"recordings shifted by {comparison.shift:.4g} s")
+    if first.shift:
+        how.append(f"recordings shifted by {first.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}"
+    return titled(figure, f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}")
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
@@ -188,8 +183,7 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
     """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
-    add_title(figure, name)
-    return figure
+    return titled(figure, name)
 
 
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
@@ -202,10 +196,9 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
         marker = MARKERS[mode] if len(shapes) <= _MARKED else None
         look = line_look(mode) | {"marker": marker, "markersize": 4.0}
         axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
-    axes.set_ylim(0.0, floors[-1])
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-    axes.set_ylabel("floor")
-    axes.set_xlabel("shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1")
+    label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
+    axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
     axes.legend(loc="best")
 
 
@@ -220,11 +213,10 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     for number, (rule, values) in enumerate(floors.items()):
         moved = np.concatenate(([0.0], units.of(values, "m")))
         displacement.plot(moved, np.arange(moved.size), label=rule, **line_look(number))
-    displacement.set(ylim=(0, result.period.size), ylabel="floor", xlabel=f"displacement ({units.label('m')})")
+    displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
+    displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
-    displacement.set_xlim(0.0, None)
-    add_title(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
-    return figure
+    return titled(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
 
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
@@ -260,13 +252,11 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     energy.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
     energy.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
     energy.legend(loc="upper left")
-    energy.set_xlim(0.0, max(cycle[-1], 1.0))
-    energy.set(ylim=(min(0.0, energy.get_ylim()[0]), None), xlabel="cycle" if test.points else "step")
-    energy.set_ylabel(f"energy ({unit})")
+    energy.set(xlim=(0.0, max(cycle[-1], 1.0)), ylim=(min(0.0, energy.get_ylim()[0]), None))
+    energy.set(xlabel="cycle" if test.points else "step", ylabel=f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     kind = "cyclic test" if test.points else "path of drifts"
-    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
-    return figure
+    return titled(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
@@ -300,8 +290,7 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     curve, profile = figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     draw_curve(curve, result, units)
     _draw_profile(profile, result, units)
-    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
-    return figure
+    return titled(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
 
 
 def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
@@ -339,8 +328,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     n2 = next(made for made in results if made.method == "n2")
     _draw_oscillator(adrs, n2, units)
     _draw_profile(profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)])
-    add_title(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
-    return figure
+    return titled(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
 
 
 def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
@@ -378,9 +366,9 @@ def _draw_profile(
         over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
-    axes.set_ylim(0.5, len(heights) + 0.5)
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.set(ylabel="story", xlabel="drift ratio (%)" if ratio else f"drift ({units.label('m')})")
+    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
+    axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=label)
 
 
 # ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias intensity builds up
@@ -425,18 +413,17 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
     draw_match(figure.add_subplot(grid[0, :]), matched, units)
     # Histories, the seed behind the match
-    names = (("acceleration", "m/s^2"), ("velocity", "m/s"), ("displacement", "m"))
     for column, part in enumerate(parts):
         below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
         for record, motion, look in zip((part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True):
             energy = np.cumsum(record.acceleration**2)
             rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
             time = record.dt * np.arange(record.acceleration.size)
-            for axes, values, si in zip(below, rows, ("m/s^2", "m/s", "m", ""), strict=True):
+            for axes, values, si in zip(below, rows, (*_MOTION.values(), ""), strict=True):
                 axes.plot(time, units.of(values, si) if si else 100.0 * values, **look)
         below[3].set_xlabel("time (s)")
         if column == 0:
-            for axes, (name, si) in zip(below, names, strict=False):
+            for axes, (name, si) in zip(below, _MOTION.items(), strict=False):
                 axes.set_ylabel(f"{name} ({units.label(si)})")
             below[3].set_ylabel("Arias intensity (%)")
         if len(parts) > 1:
@@ -444,8 +431,7 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
     aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
     of_pair = ", RotD100" if len(parts) > 1 else ""
-    add_title(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
-    return figure
+    return titled(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
 
 
 _MATCHED: dict[str, dict[str, Any]] = {
@@ -478,8 +464,7 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     subject += changed(spectrum.record for spectrum in spectra)
     b = spectra[0].bandwidth
     smoothing = "not smoothed" if math.isnan(b) else f"Konno-Ohmachi smoothing, b = {b:g}"
-    add_title(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
-    return figure
+    return titled(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
 
 
 def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
@@ -605,5 +590,4 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
-    add_title(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
-    return figure
+    return titled(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")

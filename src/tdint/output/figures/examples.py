@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
 from tdint.output.figures.assessment import line_styles
-from tdint.output.figures.style import NARROW, add_legend, add_title
+from tdint.output.figures.style import NARROW, add_legend, titled
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
@@ -49,11 +48,16 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
     near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]
+    styles = line_styles(labels, [0.0] * len(labels))
     lines: dict[str, Any] = {}
     for axes, part in ((wide, slice(None)), (close, near)):
         if not shown.is_error:
             (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        lines |= _draw_motions(axes, time[part], [motion[part] for motion in values], labels, marked=axes is close)
+        # A line for each method; with markers at some steps, in the close-up at every one.
+        for motion, label, style in zip(values, labels, styles, strict=True):
+            look = style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close else {})
+            (lines[label],) = axes.plot(time[part], motion[part], **look)
+        axes.set_xlabel("time (s)")
     quantity = "|u - u_exact|" if shown.is_error else "displacement u"
     wide.set_ylabel(f"{quantity} (m)", parse_math=False)
     wide.set_xlim(time[0], time[-1])
@@ -66,19 +70,7 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     add_legend(figure, wide, list(lines.values()), list(lines), NARROW)
     beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    add_title(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
-    return figure
-
-
-def _draw_motions(axes: Any, time: Array, values: Sequence[Any], labels: Sequence[str], marked: bool) -> dict[str, Any]:
-    """A line for each method; with markers at every step, or at some. Lines by label."""
-    lines = {}
-    for motion, label, style in zip(values, labels, line_styles(labels, [0.0] * len(labels)), strict=True):
-        marks = {"markevery": 1} if marked else {}
-        (line,) = axes.plot(time, motion, **{**style, **marks}, linewidth=0.8)
-        lines[label] = line
-    axes.set_xlabel("time (s)")
-    return lines
+    return titled(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
 
 
 # ---- What a building of an example is: masses in a row between springs and dashpots, the first one at a wall
@@ -132,5 +124,4 @@ def row_picture(title: str, model: Model) -> Figure:
     springs = list(dict.fromkeys(springs))
     text = "\n".join(springs if len(springs) == 1 else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)])
     axes.text(0.0, -0.6, text, ha="left", va="top", fontsize=7.5)
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
-from tdint.data import dataclass
 from tdint.output.figures.collapse import GRAY
 from tdint.output.figures.style import (
     COLORS,
@@ -24,7 +22,6 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     MARK,
-    add_title,
     changed,
     is_narrow,
     legend_columns,
@@ -33,6 +30,7 @@ from tdint.output.figures.style import (
     plain_logarithmic,
     record_name,
     scaled_unit,
+    titled,
     write_note,
 )
 from tdint.units import SI, OutputUnits
@@ -65,16 +63,11 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     the height; the hysteresis of one story. Of a response without its history what is over the height.
     """
     units = units.in_pictures
-    if response.history is not None:
-        return _draw(response, response.history, units)
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    draw_profiles(figure.subplots(1, 3), response, units)
-    add_title(figure, f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s")
-    return figure
-
-
-def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
-    """The figure of a run with its history."""
+    title, history = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s", response.history
+    if history is None:
+        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        draw_profiles(figure.subplots(1, 3), response, units)
+        return titled(figure, title)
     narrow = is_narrow()
     figure = Figure(figsize=(8.0, 12.4 if narrow else 9.4), layout="constrained")
     grid = figure.add_gridspec(4, 1, height_ratios=(1.0, 1.6, 1.9, 6.4 if narrow else 3.4))
@@ -108,7 +101,6 @@ def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
     for number, shock in enumerate(response.shocks, start=1):
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
         figure.axes[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
-    title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
     if records:
         named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
@@ -116,8 +108,7 @@ def _draw(response: Response, history: History, units: OutputUnits) -> Figure:
         title += changed(records)
     if (collapse := response.collapse) is not None:
         title += f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at {collapse.time:.4g} s"
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
@@ -129,9 +120,8 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
             axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
-    axes.set_ylabel(f"roof displacement\n({unit})")
+    axes.set(ylabel=f"roof displacement\n({unit})", xlim=(history.time[0], history.time[-1]))
     axes.tick_params(labelbottom=False)
-    axes.set_xlim(history.time[0], history.time[-1])
     _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
 
 
@@ -212,37 +202,6 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
-@dataclass(frozen=True)
-class _Drifts:
-    """Drifts in percent of the height or a unit of length, shape (n,), and the stories that are drawn apart."""
-
-    peak: Array
-    residual: Array
-    error: Array | None
-    unit: str
-    apart: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, response: Response, units: OutputUnits) -> _Drifts:
-        """By height where there is one: isolators and stories without a height are apart, whatever collapses is not."""
-        stories = response.stories
-        tall = np.isfinite(stories.height)
-        by_height = bool(tall.any())
-        length = np.full_like(stories.height, 1.0 / units.unit("m")[1])
-        scale = 100.0 / np.where(tall, stories.height, 1.0) if by_height else length
-        peak, residual = scale * stories.peak_drift, scale * np.abs(stories.residual_drift)
-        apart = np.array([story.isolator for story in response.model.stories]) | (by_height & ~tall)
-        apart &= not apart.all()
-        error = None if response.check is None else scale * response.check.errors.peak_drift
-        return cls(peak, residual, error, "%" if by_height else units.label("m"), apart)
-
-    @property
-    def largest(self) -> float:
-        """The largest of those that are not apart."""
-        rest = self.peak[~self.apart]
-        return float(np.max(rest)) if rest.size else 0.0
-
-
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     """The peak drifts over the stories."""
     _draw_drifts(axes, response, units)
@@ -291,41 +250,50 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    drifts = _Drifts.of(response, units)
-    values = np.where(drifts.apart, np.nan, drifts.peak)
-    filled = np.nan_to_num(values)
+    """In percent of the height, else as lengths: isolators and stories without a height are apart, whatever collapses
+    is not."""
+    stories = response.stories
+    tall = np.isfinite(stories.height)
+    by_height = bool(tall.any())
+    length = np.full_like(stories.height, 1.0 / units.unit("m")[1])
+    scale = 100.0 / np.where(tall, stories.height, 1.0) if by_height else length
+    apart = np.array([story.isolator for story in response.model.stories]) | (by_height & ~tall)
+    apart &= not apart.all()
+    peak = scale * stories.peak_drift
+    filled = np.nan_to_num(np.where(apart, np.nan, peak))
+    largest = float(np.max(peak[~apart], initial=0.0))
     over_stories(axes, filled, fill=True, color=INK, alpha=0.18)
     over_stories(axes, filled, color=INK, linewidth=1.4, **({"label": "all shocks"} if response.shocks else {}))
     # The peaks of each shock of a sequence, as far as there are looks for them.
-    whole = response.stories.peak_drift
-    scale = np.divide(drifts.peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
+    whole = stories.peak_drift
+    of_shocks = np.divide(peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
     for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
-        of_shock = np.where(drifts.apart, 0.0, scale * shock.stories.peak_drift)
+        of_shock = np.where(apart, 0.0, of_shocks * shock.stories.peak_drift)
         over_stories(axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
     # What is left, the errors and the drift of collapse, where they can be seen.
-    largest = drifts.largest
-    residual = np.where(drifts.apart, 0.0, drifts.residual)
+    residual = np.where(apart, 0.0, scale * np.abs(stories.residual_drift))
     if np.any(residual > _VISIBLE * largest):
         over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="at the end of the run")
-    if drifts.error is not None and np.any(np.where(drifts.apart, 0.0, drifts.error) > _SEEN * largest):
-        places = np.arange(1, values.size + 1)
-        errors = np.where(drifts.apart, np.nan, drifts.error)
-        axes.errorbar(values, places, xerr=errors, fmt="none", ecolor=INK, capsize=2.0, label="estimated error")
+    if response.check is not None:
+        errors = np.where(apart, np.nan, scale * response.check.errors.peak_drift)
+        if np.any(errors > _SEEN * largest):
+            look: dict[str, Any] = {"fmt": "none", "ecolor": INK, "capsize": 2.0, "label": "estimated error"}
+            axes.errorbar(np.where(apart, np.nan, peak), np.arange(1, peak.size + 1), xerr=errors, **look)
     limit = 100.0 * response.model.collapse_drift
-    if drifts.unit == "%" and largest > _NEAR * limit:
+    if by_height and largest > _NEAR * limit:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
     # Of a story that is drawn apart a bar off the scale with its length in it.
     end = _BEYOND * largest or 1.0
-    for place in np.flatnonzero(drifts.apart):
+    for place in np.flatnonzero(apart):
         axes.barh(place + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0)
         text = f"{_short(units.of(whole, 'm')[place])} {units.label('m')}"
         white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
         axes.text(0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK, bbox=white)
-    if drifts.apart.any():
+    if apart.any():
         axes.set_xlim(right=end)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**_ABOVE)
-    axes.set_xlabel(f"drift ({drifts.unit}{' of height' if drifts.unit == '%' else ''})")
+    axes.set_xlabel("drift (% of height)" if by_height else f"drift ({units.label('m')})")
 
 
 # ---- Figures of what buildings have to bear: demands of a suite over the height, spectra of floors, and what moves
@@ -383,8 +351,7 @@ def profile_picture(
         motions += f", of {how_many(pairs, 'pair')} the larger component"
     elif pairs:
         motions = f"{how_many(pairs, 'pair')}, the larger component of each"
-    add_title(figure, f"{subject}\n{motions}{more}")
-    return figure
+    return titled(figure, f"{subject}\n{motions}{more}")
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
@@ -476,8 +443,7 @@ def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, 
     _finish(axes, units)
     axes.legend(loc="best")
     alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
-    add_title(figure, f"{title}\nspectra of absolute floor accelerations{alone}".strip())
-    return figure
+    return titled(figure, f"{title}\nspectra of absolute floor accelerations{alone}".strip())
 
 
 def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
@@ -509,8 +475,9 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     _name_below(figure, grid.ravel())
     subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
-    add_title(figure, f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}")
-    return figure
+    return titled(
+        figure, f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}"
+    )
 
 
 def _finish(axes: Any, units: OutputUnits) -> None:
@@ -535,8 +502,7 @@ def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Fig
     figure = Figure(figsize=(7.2, high), layout="constrained")
     for axes, name in zip(figure.subplots(*(4, 1) if narrow else (2, 2)).flat, _NAMES, strict=True):
         _tornado(axes, [swing for swing in swings if swing.quantity.name == name], units)
-    add_title(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
-    return figure
+    return titled(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
 
 
 def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
@@ -13,7 +14,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
@@ -21,13 +21,13 @@ from tdint.output.figures.style import (
     COLORS,
     LIGHT,
     add_legend,
-    add_title,
     changed,
     line_look,
     plain_minor_numbers,
     plain_numbers,
     record_name,
     record_names,
+    titled,
 )
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
@@ -115,11 +115,8 @@ def draw_over_periods(
             order = _shown(result.periods)
             period = result.periods[order]
             style = line_look(color, dash) | ({"marker": "o", "markersize": 4} if period.size < _FEW else {})
-            drawn = [
-                axes.plot(period, values(result)[order], **style)[0]
-                for axes, (_, values) in zip(rows[:, place], panels, strict=True)
-            ]
-            lines[label] = drawn[0]
+            for axes, (_, values) in zip(rows[:, place], panels, strict=True):
+                (lines[label],) = axes.plot(period, values(result)[order], **style)
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
         axes.set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
@@ -222,54 +219,37 @@ def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods]
     return f"{several} of {subject}\n{damping} damping, {more}"
 
 
-@dataclass(frozen=True)
-class _Curve:
-    """A line of the figure in its units, shape (k,), its name in the legend (empty for none) and its style."""
-
-    periods: Array
-    sd: Array
-    psv: Array
-    psa: Array
-    name: str
-    style: dict[str, Any]
-
-    @classmethod
-    def of(cls, spectrum: Spectrum, units: OutputUnits, name: str, style: dict[str, Any]) -> _Curve:
-        """The line of a spectrum."""
-        values = (units.of(spectrum.sd, "m"), units.of(spectrum.psv, "m/s"), units.of(spectrum.psa, "m/s^2"))
-        return cls(spectrum.periods, *values, name, style)
+_Curve = tuple["Spectrum", str, dict[str, Any]]
+"""A line of the figure in its units, its name in the legend (empty for none) and its style."""
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
     """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
-
+    shown = [
+        replace(of, sd=units.of(of.sd, "m"), psv=units.of(of.psv, "m/s"), psa=units.of(of.psa, "m/s^2"))
+        for of in spectra
+    ]
     if not is_suite(spectra):
-        return [
-            _Curve.of(spectrum, units, label, line_look(i) | {"zorder": 3})
-            for i, (spectrum, label) in enumerate(zip(spectra, labels, strict=True))
-        ]
+        looks = (line_look(i) | {"zorder": 3} for i in range(len(shown)))
+        return list(zip(shown, labels, looks, strict=True))
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
-    curves = [_Curve.of(spectrum, units, "", gray) for spectrum in spectra]
-    curves[0] = replace(curves[0], name="single components")
+    curves = [(spectrum, "single components" if i == 0 else "", gray) for i, spectrum in enumerate(shown)]
     ratios = dict.fromkeys(spectrum.damping for spectrum in spectra)
     for i, ratio in enumerate(ratios):
-        chosen = zip(spectra, curves, in_median(spectra), strict=False)
-        counted_spectra = [curve for spectrum, curve, counted in chosen if counted and spectrum.damping == ratio]
-        sd, psv, psa = (
-            np.median([getattr(spectrum, name) for spectrum in counted_spectra], axis=0)
-            for name in ("sd", "psv", "psa")
-        )
-        name = f"median of {len(counted_spectra)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
-        curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
+        counted = zip(shown, in_median(spectra), strict=True)
+        of_ratio = [spectrum for spectrum, counts in counted if counts and spectrum.damping == ratio]
+        medians = {name: np.median([getattr(of, name) for of in of_ratio], axis=0) for name in ("sd", "psv", "psa")}
+        name = f"median of {len(of_ratio)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
+        curves.append((replace(shown[0], **medians), name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
     return curves
 
 
 def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
-    named = [(line, curve.name) for line, curve in zip(axes.get_lines(), curves, strict=False) if curve.name]
+    named = [(line, name) for line, (_, name, _) in zip(axes.get_lines(), curves, strict=False) if name]
     add_legend(figure, axes, [line for line, _ in named], [name for _, name in named])
 
 
-def _positive(spectrum: _Curve) -> NDArray[np.intp]:
+def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
     """Places of the periods that can be drawn, in rising order."""
     order = np.argsort(spectrum.periods, kind="stable")
     return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
@@ -280,12 +260,12 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: O
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
-    for curve in curves:
+    for curve, _, style in curves:
         place = _positive(curve)
-        axes.plot(curve.periods[place], curve.psv[place], **curve.style)
+        axes.plot(curve.periods[place], curve.psv[place], **style)
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
     axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
-    values = np.concatenate([curve.psv[_positive(curve)] for curve in curves])
+    values = np.concatenate([curve.psv[_positive(curve)] for curve, *_ in curves])
     if values.size:
         axes.set_yscale("log")
         low, high = float(np.min(values)), float(np.max(values))
@@ -330,13 +310,11 @@ def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[
     part = min(max(float(part), 1.0 - _ROOM), _ROOM)
     room = np.array([x[1] - x[0], top - bottom])
     taken = [np.log(other.get_position()) for other in axes.texts]
-    for place in (part, part - _NEAR, part - 2.0 * _NEAR):
-        at = np.array([x[0] + place * (x[1] - x[0]), y[0] + place * (y[1] - y[0])])
-        if place > _NEAR and not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken):
-            break
-    else:
-        return
-    if not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
+    parts = (near for near in (part, part - _NEAR, part - 2.0 * _NEAR) if near > _NEAR)
+    places = (np.array([x[0] + near * (x[1] - x[0]), y[0] + near * (y[1] - y[0])]) for near in parts)
+    free = (at for at in places if not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken))
+    at = next(free, None)
+    if at is None or not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
         return
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": LIGHT, "clip_on": True, "zorder": 1.8}
@@ -349,9 +327,9 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
-    for curve in curves:
+    for curve, _, style in curves:
         order = np.argsort(curve.periods, kind="stable")
-        axes.plot(curve.sd[order], curve.psa[order], **curve.style)
+        axes.plot(curve.sd[order], curve.psa[order], **style)
     axes.set(xlim=(0.0, None), ylim=(0.0, None))
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
@@ -405,8 +383,7 @@ def spectrum_picture(
     # A method leaves nothing to choose beside it.
     first = spectra[0]
     how = ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
-    add_title(figure, over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how))
-    return figure
+    return titled(figure, over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how))
 
 
 def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
@@ -496,24 +473,7 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         upper.axhline(1.0, color=LIGHT, linewidth=0.8)
         plain_numbers(upper.yaxis)
     more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
-    add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
-    return figure
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A line of the figure: a percentile or the geometric mean of a motion and damping ratio."""
-
-    name: str
-    record: Record
-    damping: float
-    periods: Array
-    psa: Array
-
-    @property
-    def sd(self) -> Array:
-        """Displacement, m."""
-        return self.psa * (self.periods / (2.0 * math.pi)) ** 2
+    return titled(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
 
 
 def rotated_picture(
@@ -529,21 +489,22 @@ def rotated_picture(
         Drawn over them.
     """
     units = units.in_pictures
-    lines = []
+    # A percentile or the geometric mean of a motion and damping ratio each.
+    lines: list[Any] = []
     for spectrum in spectra:
         motion = spectrum.motion
         files = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
         record = replace(motion.first, source="+".join(files), component=motion.component)
         percentiles = [f"RotD{percentile:02d}" for percentile in spectrum.percentiles]
         for name, psa in (*zip(percentiles, spectrum.psa, strict=True), ("geometric mean", spectrum.geometric_mean)):
-            lines.append(_Line(name, record, spectrum.damping, spectrum.periods, psa))
+            about = {"name": name, "record": record, "damping": spectrum.damping, "periods": spectrum.periods}
+            lines.append(SimpleNamespace(**about, psa=psa, sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2))
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
     figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
     if target is not None:
         _add_target(figure, target, units)
     more = ", ".join(["exact solution", "180 directions", *_choices(spectra[0])])
-    add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, more))
-    return figure
+    return titled(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, more))
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
@@ -568,8 +529,7 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     buildings = f"shear buildings of {f'{least} to ' * (least < most)}{how_many(most, 'story')}"
     if most == 0:
         buildings = "continuous shear beam"
-    add_title(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, buildings))
-    return figure
+    return titled(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, buildings))
 
 
 def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:
@@ -612,8 +572,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     title = over_periods_title(
         "Spectrum", "Spectra", lines, f"beside {record_name(lines[0].published.source)} (points)"
     )
-    add_title(figure, title)
-    return figure
+    return titled(figure, title)
 
 
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
@@ -628,8 +587,7 @@ def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     for axes in (upper, lower):
         axes.set_ylim(bottom=0.0)
     damping = "" if target.damping is None else f"\n{100.0 * target.damping:g} % damping"
-    add_title(figure, f"Target spectrum {_target_name(target)}{damping}")
-    return figure
+    return titled(figure, f"Target spectrum {_target_name(target)}{damping}")
 
 
 def _target_name(target: TargetSpectrum) -> str:

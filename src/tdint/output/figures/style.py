@@ -466,13 +466,14 @@ def _thin(axis: Any) -> bool:
     return True
 
 
-def add_title(figure: Figure, title: str) -> None:
-    """A title of one or more lines above the panels, as it is: no formulas. A line that is wider than the figure goes
-    on in another one, as far as that."""
+def titled(figure: Figure, title: str) -> Figure:
+    """The figure with a title of one or more lines above its panels, as it is: no formulas. A line that is wider than
+    the figure goes on in another one, as far as that."""
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
     lines = (part for line in told for part in _evenly(line, room))
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
+    return figure
 
 
 def _evenly(line: str, room: int) -> list[str]:
@@ -642,12 +643,7 @@ def write_labels(
             free = all(box[2] <= x0 or x1 <= left or box[3] <= y0 or y1 <= low for x0, y0, x1, y1 in taken)
             if inside and free:
                 taken.append(box)
-                place = {
-                    "gid": _OF_POINT,
-                    "xytext": (dx, dy),
-                    "textcoords": "offset points",
-                    "ha": horizontal,
-                    "va": vertical,
-                }
+                place = {"gid": _OF_POINT, "xytext": (dx, dy), "textcoords": "offset points"}
+                place |= {"ha": horizontal, "va": vertical}
                 axes.annotate(text, (x, y), **place, fontsize=_LABEL_SIZE, color="0.25")
                 break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -12,16 +12,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.model.definition import LAWS
-from tdint.output.tables.table import (
-    FLOOR,
-    METHOD_SPEC,
-    PERIOD,
-    Cell,
-    Column,
-    Table,
-    part,
-    rows_of,
-)
+from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, part, rows_of
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -329,21 +320,11 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
     """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a column for the ordinate
     of each floor (`tdint.model.modes.Modes.normalized`)."""
-    floors = mode_shapes(modes.omega.size, norm) if norm else ()
+    shapes = modes.normalized(norm) if norm else ()
+    size = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
+    meaning = f"ordinate of the mode at the floor, {size}"
+    floors = (Column(f"floor_{floor}_shape", "1", shape, meaning) for floor, shape in enumerate(shapes, start=1))
     return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *floors), [modes])
-
-
-def mode_shapes(floors: int, norm: str) -> tuple[Column, ...]:
-    """The columns of the modes' ordinates."""
-
-    def ordinate(i: int) -> Callable[[Any], Any]:
-        return lambda modes: modes.normalized(norm)[i]
-
-    norm_named = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
-    return tuple(
-        Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {norm_named}")
-        for i in range(floors)
-    )
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:

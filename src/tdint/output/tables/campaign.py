@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -32,7 +33,6 @@ from tdint.output.tables.table import (
     error_columns,
     harmless,
     names,
-    rows_of,
 )
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
@@ -53,12 +53,7 @@ SAMPLE = Column(
     "number of the draw from a grid of ground motions, or of the event, from 1; 0 where neither is",
 )
 EVENT = Column("event", "text", "event", "event of a ground motion field")
-RUNS = (
-    *OF_BUILDING,
-    SAMPLE,
-    METHOD_SPEC,
-    *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
-)
+RUNS = (*OF_BUILDING, SAMPLE, METHOD_SPEC, *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN))
 """Of runs.csv."""
 
 _WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
@@ -106,9 +101,6 @@ SHOCKS = (
 )
 """Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
 
-FLOOR_RUNS = (*OF_BUILDING, FLOOR, *SPECTRUM)
-"""Of floor-spectra.csv of several runs."""
-
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
 """Of floor-spectra-mean.csv."""
 
@@ -132,9 +124,7 @@ RATIOS = (
 
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
     """What tells each run, and its intensities."""
-    rows: list[tuple[Cell, ...]] = [
-        (run.building, run.record, run.component, run.scale, run.sample, *run.values) for run in runs
-    ]
+    rows = ((run.building, run.record, run.component, run.scale, run.sample, *run.values) for run in runs)
     return Table.of(measure_columns(measures), rows)
 
 
@@ -167,11 +157,7 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 def run_columns(store: Store) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
-    columns = (
-        *RUNS,
-        *RUN_ERRORS * store.checked,
-        *varied_columns(_swept(store.varied())),
-    )
+    columns = (*RUNS, *RUN_ERRORS * store.checked, *varied_columns(_swept(store.varied())))
     return (*columns, *carried_columns(store, names(columns)))
 
 
@@ -217,16 +203,13 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 def story_columns(store: Store) -> tuple[Column, ...]:
     """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be the same motion."""
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *drawn, *_of_stories(store))
-
-
-def _of_stories(store: Store) -> tuple[Column, ...]:
-    return (*STORY, *STORY_ERROR * store.checked)
+    return (*OF_BUILDING, *drawn, *STORY, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
-    drawn, count, named = store.count("sample > 0") > 0, len(_of_stories(store)), run_heads(store)
+    drawn, named = store.count("sample > 0") > 0, run_heads(store)
+    count = len(STORY) + len(STORY_ERROR) * store.checked
     for building, record, scale, sample, *rest in store.stories():
         yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
 
@@ -260,11 +243,18 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
                 yield [*head, quantity.called or quantity.name, story, unit, *cells, *counts, *off]
 
 
+def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[Column, ...]:
+    """The columns; where a level is more than a factor, it has one at this place."""
+    from tdint.campaign.profiles import has_levels
+
+    return (*columns[:place], *((LEVEL,) if has_levels(store) else ()), *columns[place:])
+
+
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write profiles.csv; with a column `level` where a level is more than a factor."""
-    from tdint.campaign.profiles import has_levels, profiles
+    from tdint.campaign.profiles import profiles
 
-    columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:], *PROFILE_ERRORS * store.checked]
+    columns = [*_with_level(store, PROFILES, 2), *PROFILE_ERRORS * store.checked]
     write_rows(columns, profile_rows(profiles(store), units), stream)
 
 
@@ -282,10 +272,8 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
         statistics = profile.statistics(quantity)
         if np.any(np.nan_to_num(statistics.max)):
             columns += [
-                Column(f"mean_{quantity.column}", quantity.unit, _always(statistics.mean), f"mean: {quantity.meaning}"),
-                Column(
-                    f"max_{quantity.column}", quantity.unit, _always(statistics.max), f"largest: {quantity.meaning}"
-                ),
+                Column(f"mean_{quantity.column}", quantity.unit, statistics.mean, f"mean: {quantity.meaning}"),
+                Column(f"max_{quantity.column}", quantity.unit, statistics.max, f"largest: {quantity.meaning}"),
             ]
     return Table.of_results(columns, [profile]).in_units(units)
 
@@ -314,21 +302,14 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
             size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
             percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
             columns.append(
-                Column(f"{name}_{quantity.called or quantity.name}", "%", _always(np.array(percent)), quantity.meaning)
+                Column(f"{name}_{quantity.called or quantity.name}", "%", np.array(percent), quantity.meaning)
             )
     return Table.of_results(columns, [profile])
 
 
-def _always(values: Any) -> Callable[[Any], Any]:
-    return lambda profile: values
-
-
 def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
     """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
-    from tdint.campaign.profiles import has_levels
-
-    level = (LEVEL,) if has_levels(store) else ()
-    table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), ratios)
+    table = Table.of_results(_with_level(store, RATIOS, 3), ratios)
     # The largest of all stories stands in the row without a story.
     place = table.columns.index("story")
     return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
@@ -338,40 +319,32 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
     # Two draws may be the same motion, so that their number tells rows apart.
     drawn = store.count("sample > 0") > 0
-    split = len(OF_BUILDING)
-    columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
+    columns = (*OF_BUILDING, *((SAMPLE,) if drawn else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
-    rows: list[tuple[Cell, ...]] = []
+    heads: list[tuple[Cell, ...]] = []
     for run in floors:
         name, component, _ = records[run.run.motion]
         head = (buildings[run.building][0], name, component, run.run.scale, *((run.run.sample,) if drawn else ()))
-        rows += [(*head, of.floor, *row) for of in run.spectra for row in rows_of(SPECTRUM, of.spectrum)]
-    return Table.of(columns, rows)
+        heads += ((*head, of.floor) for of in run.spectra)
+    return Table.of_results(columns, [of.spectrum for run in floors for of in run.spectra], heads)
 
 
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio and period."""
-    from tdint.campaign.profiles import has_levels
-
-    level = (LEVEL,) if has_levels(store) else ()
-    return Table.of_results((*FLOOR_SUITES[:2], *level, *FLOOR_SUITES[2:]), suites)
+    return Table.of_results(_with_level(store, FLOOR_SUITES, 2), suites)
 
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
     headed = [units.column(column.name, column.unit) for column in columns]
-    waiting = iter([[harmless(name) for name, _ in headed]])
+    stream.write(csv_bytes([[harmless(name) for name, _ in headed]]))
     if units != SI:
         factors = [factor for _, factor in headed]
         rows = ([converted(cell, factor) for cell, factor in zip(row, factors, strict=True)] for row in rows)
     # Formatted a batch at a time: a campaign may have more rows than memory holds.
     source = iter(rows)
-    while True:
-        stream.write(csv_bytes(waiting))
-        batch = list(islice(source, _ROWS_AT_ONCE))
-        if not batch:
-            return
-        waiting = iter([[number_text(cell) for cell in row] for row in batch])
+    while batch := list(islice(source, _ROWS_AT_ONCE)):
+        stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
 
 
 def number_text(cell: Any) -> str:
@@ -383,8 +356,7 @@ def number_text(cell: Any) -> str:
 
 def runs_table(store: Store) -> Table:
     """runs.csv as a table, for a small campaign."""
-    rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
-    return Table.of(run_columns(store), rows)
+    return Table.of(run_columns(store), run_rows(store))
 
 
 def status_table(statuses: dict[str, int], left: int) -> Table:
@@ -412,25 +384,19 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
 def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
     """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
     events = [cell_text(event) for event in store.events()]
-    last: tuple[int, list[str]] = (-1, [])
 
-    def cells(building: int, sample: int) -> list[str]:
-        nonlocal last
-        # One building's cells serve all of its runs, which come one after the other.
-        if last[0] != building:
-            last = (building, [cell_text(cell) for cell in store.carried(building)])
-        return [events[sample - 1], *last[1]] if events else last[1]
+    @lru_cache(maxsize=1)  # one building's cells serve all of its runs, which come one after the other
+    def of_building(building: int) -> list[str]:
+        return [cell_text(cell) for cell in store.carried(building)]
 
-    return cells
+    return lambda building, sample: [*events[sample - 1 : sample], *of_building(building)]
 
 
 def numeric(store: Store) -> list[bool]:
     """Of each column of the inventory whether all that stands there are numbers, empty cells aside."""
-    count = len(store.inventory_columns())
-    numbers_only, said = [True] * count, [False] * count
+    said: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
-        for place, text in enumerate(store.carried(number)):
+        for kinds, text in zip(said, store.carried(number), strict=False):
             if text:
-                said[place] = True
-                numbers_only[place] = numbers_only[place] and _NUMBER.fullmatch(text) is not None
-    return [sound and given for sound, given in zip(numbers_only, said, strict=True)]
+                kinds.add(_NUMBER.fullmatch(text) is not None)
+    return [kinds == {True} for kinds in said]

@@ -84,12 +84,7 @@ def probability_name(outcome: str) -> str:
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
     """Of damage.csv of a campaign, whose types all have these states."""
     outcomes = (
-        Column(
-            probability_name(name),
-            "1",
-            "probability",
-            f"probability of {name}; empty without a result",
-        )
+        Column(probability_name(name), "1", "probability", f"probability of {name}; empty without a result")
         for name in states.outcomes
     )
     head = (*OF_BUILDING, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
@@ -112,18 +107,8 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
         damage = np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())]).tolist()
         cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
-            yield [
-                head,
-                *records[record],
-                scale,
-                sample,
-                kind,
-                status,
-                demand,
-                state,
-                *numbers,
-                *carried(of.number, sample),
-            ]
+            told = [scale, sample, kind, status, demand, state, *numbers]
+            yield [head, *records[record], *told, *carried(of.number, sample)]
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
@@ -168,7 +153,7 @@ def write_types(store: Store, stream: BinaryIO) -> None:
 
 def type_table(store: Store) -> Table:
     """damage-types.csv as a table, for a page."""
-    return Table.of(type_columns(store), [tuple(row) for row in _type_rows(store)])
+    return Table.of(type_columns(store), _type_rows(store))
 
 
 def _type_rows(store: Store) -> Iterator[list[Any]]:
@@ -197,7 +182,7 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
 def loss_table(store: Store) -> Table:
     """losses.csv as a table, for a page; without a row where the states have no losses."""
     lost = any(states.losses for states in stored_states(store).values())
-    return Table.of(loss_columns(store), [tuple(row) for row in _loss_rows(store)] if lost else [])
+    return Table.of(loss_columns(store), _loss_rows(store) if lost else ())
 
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
@@ -292,17 +277,9 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                     for way in (0, 1)
                 ]
                 error = float((of.money if costs else of.loss).error[0])
-                head = [
-                    *[cell_text(part)] * bool(by),
-                    level,
-                    cell_text(of.event),
-                    rate[place],
-                    lost,
-                    error,
-                    *of.scatter,
-                ]
+                head = [*[cell_text(part)] * bool(by), level, cell_text(of.event), rate[place]]
                 sums = [float(np.sum(values[: place + 1])) for values in (rate, annual)]
-                yield [*head, sums[0], *often, annual[place], sums[1]]
+                yield [*head, lost, error, *of.scatter, sums[0], *often, annual[place], sums[1]]
 
     write_rows(exceedance_columns(store, by), rows(), stream)
 

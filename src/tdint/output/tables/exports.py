@@ -31,7 +31,7 @@ from tdint.output.tables.campaign import (
     write_rows,
 )
 from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
-from tdint.output.tables.table import PARQUET, TEXT, Column, describe, names
+from tdint.output.tables.table import PARQUET, TEXT, Column, describe, digits, names
 from tdint.tabular import optional
 from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
 from tdint.written_numbers import how_many
@@ -95,9 +95,6 @@ def _write_parquet(
             writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
-_AT = {name: place for place, name in enumerate(STORIES.columns)}
-
-
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
     """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute acceleration, m/s^2;
     floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof displacement over height), 1-PFD-FLOOR-DIR
@@ -156,20 +153,16 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
     """The cells of one run, those of stories that the building does not have empty."""
+    columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
     rest = [None] * (stories - len(rows))
-
-    def column(name: str) -> list[Any]:
-        return [row[_AT[name]] for row in rows]
-
-    heights = column("height_m")
-    roof = rows[-1][_AT["peak_displacement_m"]]
+    heights, displacements = columns["height_m"], columns["peak_displacement_m"]
     # A story without a height leaves the building without one.
-    roof_ratio = roof / sum(heights) if all(heights) else None
+    roof_ratio = displacements[-1] / sum(heights) if all(heights) else None
     return [
-        *(pga, *column("peak_absolute_acceleration_m_s2"), *rest),
-        *(*column("peak_drift_ratio"), *rest),
+        *(pga, *columns["peak_absolute_acceleration_m_s2"], *rest),
+        *(*columns["peak_drift_ratio"], *rest),
         roof_ratio,
-        *(*column("peak_displacement_m"), *rest),
+        *(*displacements, *rest),
     ]
 
 
@@ -229,7 +222,7 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
         if cells[longitude] and cells[latitude]:
             east = float(cells[longitude])
             east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
-            geometry = {"type": "Point", "coordinates": [_digits(east), _digits(float(cells[latitude]))]}
+            geometry = {"type": "Point", "coordinates": [digits(east), digits(float(cells[latitude]))]}
         for event in sorted({key.sample for key in runs}) if events else (0,):
             head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
             # Without events all runs are those of event 0.
@@ -244,15 +237,15 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
     """The level, what became of its motions, and mean and largest of each demand: None without a motion, or without the
     demand (no heights, no ratio)."""
     feature: Feature = {"scale": level.scale, "level": level.value}
-    feature = {name: _digits(value) for name, value in feature.items() if not math.isnan(value)}
+    feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
     feature["runs"] = len(level.stood) + level.collapsed + level.failed
     feature |= {"collapsed": level.collapsed, "failed": level.failed}
     for demand, place in zip(_DEMANDS, _PLACES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
         values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
-        feature[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
-        feature[f"max_{column}"] = _digits(max(values)) if values else None
+        feature[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
+        feature[f"max_{column}"] = digits(max(values)) if values else None
     return feature
 
 
@@ -264,12 +257,7 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     if of.states.losses:
         means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
     names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
-    return {name: None if mean is None else _digits(mean) for name, mean in zip(names, means, strict=True)}
-
-
-def _digits(value: float) -> float:
-    """Twelve significant digits, as in tables."""
-    return float(format(value + 0.0, ".12g"))
+    return {name: None if mean is None else digits(mean) for name, mean in zip(names, means, strict=True)}
 
 
 # ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard deviation of the
@@ -318,13 +306,7 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         dict.fromkeys(named[state] for state in sorted(named))
         or dict.fromkeys(function.state for function in functions)
     )
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
-        '  <fragilityModel id="tdint" assetCategory="buildings" lossCategory="structural">',
-        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
-        f"    <limitStates>{' '.join(every)}</limitStates>",
-    ]
+    lines = [f"    <limitStates>{' '.join(every)}</limitStates>"]
     for of_one in _grouped(functions):
         told = [function.state or named[function.threshold] for function in of_one]
         first = of_one[0]
@@ -337,8 +319,38 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
                 "intensity tell it, or leave it out with --threshold"
             )
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
-        lines += _function(of_one, first.type or f"{name}{suffix}", told)
-    return "\n".join([*lines, "  </fragilityModel>", "</nrml>", ""]).encode()
+        imt, factor = _measure(first)
+        params: list[str] = []
+        far: list[float] = []
+        # Mean and standard deviation of the intensity itself, not of its logarithm.
+        for function, state in zip(of_one, told, strict=True):
+            median, beta = function.theta * factor, function.beta_total
+            far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
+            mean = median * math.exp(0.5 * beta**2)
+            deviation = mean * math.sqrt(math.expm1(beta**2))
+            params.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
+        called = quoteattr(first.type or f"{name}{suffix}")
+        lines += [
+            f'    <fragilityFunction id={called} format="continuous" shape="logncdf">',
+            f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
+            *params,
+            "    </fragilityFunction>",
+        ]
+    return _nrml("fragilityModel", name, functions, lines)
+
+
+def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable[str]) -> bytes:
+    """A model of OpenQuake around the lines of its functions."""
+    whole = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
+        f'  <{model} id="tdint" assetCategory="buildings" lossCategory="structural">',
+        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
+        *lines,
+        f"  </{model}>",
+        "</nrml>\n",
+    ]
+    return "\n".join(whole).encode()
 
 
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
@@ -386,12 +398,7 @@ def vulnerability_model(functions: Sequence[Fragility], losses: Mapping[str, Seq
     UsageError
         The measure is none that OpenQuake knows.
     """
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
-        '  <vulnerabilityModel id="tdint" assetCategory="buildings" lossCategory="structural">',
-        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
-    ]
+    lines: list[str] = []
     for of_one in _grouped(functions):
         imt, factor = _measure(of_one[0])
         ends = [of.theta * math.exp(sign * _FAR * of.beta_total) for of in of_one for sign in (-1.0, 1.0)]
@@ -411,7 +418,7 @@ def vulnerability_model(functions: Sequence[Fragility], losses: Mapping[str, Seq
             *(f"      <{key}>{texts[key]}</{key}>" for key in ("meanLRs", "covLRs")),
             "    </vulnerabilityFunction>",
         ]
-    return "\n".join([*lines, "  </vulnerabilityModel>", "</nrml>", ""]).encode()
+    return _nrml("vulnerabilityModel", name, functions, lines)
 
 
 _LEAST_LOSS = 1e-9  # OpenQuake takes no scatter of a loss of nothing
@@ -429,22 +436,3 @@ def _measure(first: Fragility) -> tuple[str, float]:
         "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; "
         f"the measure of these functions is {measure}"
     )
-
-
-def _function(functions: Sequence[Fragility], name: str, states: Sequence[str]) -> list[str]:
-    imt, factor = _measure(functions[0])
-    lines = []
-    far: list[float] = []
-    # Mean and standard deviation of the intensity itself, not of its logarithm.
-    for function, state in zip(functions, states, strict=True):
-        median, beta = function.theta * factor, function.beta_total
-        far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
-        mean = median * math.exp(0.5 * beta**2)
-        deviation = mean * math.sqrt(math.expm1(beta**2))
-        lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
-    return [
-        f'    <fragilityFunction id={quoteattr(name)} format="continuous" shape="logncdf">',
-        f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
-        *lines,
-        "    </fragilityFunction>",
-    ]

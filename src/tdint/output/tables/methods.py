@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.methods.catalogue import references_of
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text, rows_of
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text
+from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -33,6 +34,11 @@ def _power(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
+def _or_none(name: str) -> Callable[[Any], float | str]:
+    """A limit; none where there is none."""
+    return lambda row: "none" if math.isinf(limit := attrgetter(name)(row)) else limit
+
+
 METHOD = (
     Column("name", "text", "method.name", "name"),
     Column("family", "text", "family.name", "methods that share one compiled step"),
@@ -52,7 +58,7 @@ METHOD = (
     Column(
         "stability_limit",
         "1",
-        lambda one: "none" if math.isinf(one.stability_limit) else one.stability_limit,
+        _or_none("stability_limit"),
         "largest stable omega dt without damping; none for stable at any step",
     ),
     Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
@@ -67,10 +73,10 @@ DECLARATION = (
     Column(
         "stability_limit",
         "1",
-        lambda one: "none" if math.isinf(one.integrator.stability_limit) else one.integrator.stability_limit,
+        _or_none("integrator.stability_limit"),
         "declared largest stable omega dt without damping",
     ),
-    Column("measured_limit", "1", lambda one: "none" if math.isinf(one.limit) else one.limit, "the same as measured"),
+    Column("measured_limit", "1", _or_none("limit"), "the same as measured"),
     Column("rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"),
     Column("measured_rho_inf", "1", "rho_inf", "the same as measured"),
     Column("faults", "1", lambda one: len(one.faults), "declarations that do not hold"),
@@ -174,15 +180,12 @@ FAILURE = (
 
 
 def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
-    def column(quantity: str, name: str, unit: str) -> Column:
+    def column(quantity: str, unit: str) -> Column:
         about = f"largest error of the {quantity}, all floors, against {against}"
-        return Column(f"{prefix}{name}_error", unit, lambda run: run.error(quantity, reference), about)
+        name = f"{prefix}{quantity}{suffix(unit)}_error"
+        return Column(name, unit, lambda run: run.error(quantity, reference), about)
 
-    return (
-        column("displacement", "displacement_m", "m"),
-        column("velocity", "velocity_m_s", "m/s"),
-        column("acceleration", "acceleration_m_s2", "m/s^2"),
-    )
+    return tuple(map(column, ("displacement", "velocity", "acceleration"), ("m", "m/s", "m/s^2")))
 
 
 EXAMPLE = (
@@ -275,8 +278,8 @@ def chart_table(chart: Chart) -> Table:
 
 def sizes_table(charts: Iterable[Chart]) -> Table:
     """The tables of several charts, with the number of stories before all."""
-    rows = [(chart.stories, *row) for chart in charts for point in chart.points for row in rows_of(CHART, point)]
-    return Table.of((CHART_STORIES, *CHART), rows)
+    points = [((chart.stories,), point) for chart in charts for point in chart.points]
+    return Table.of_results((CHART_STORIES, *CHART), [point for _, point in points], [head for head, _ in points])
 
 
 def _within(factor: float, name: str = "") -> Column:

@@ -11,19 +11,14 @@ import numpy as np
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.output.tables.table import Cell, Column, Table, describe, error_columns, rows_of
+from tdint.output.tables.table import Cell, Column, Table, describe, error_columns, numbered, rows_of
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
 
 STORY = (
-    Column(
-        "story",
-        "1",
-        lambda stories: np.arange(1, stories.peak_drift.size + 1),
-        "story, or the floor above it, from 1 at the ground",
-    ),
+    Column("story", "1", numbered("peak_drift"), "story, or the floor above it, from 1 at the ground"),
     Column("height_m", "m", "height", "story height"),
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )

@@ -9,19 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import Spectrum
+from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.data import dataclass
 from tdint.errors import AnalysisError
-from tdint.ground_motion.measures import (
-    HOUSNER_PERIODS,
-    MEASURES,
-    Measures,
-    integrate,
-    measure,
-    spectrum_intensity,
-)
+from tdint.ground_motion.measures import HOUSNER_PERIODS, MEASURES, Measures, integrate, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import FLOOR, OF_RECORD, Cell, Column, Table, columns_of, part, rows_of
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, part
 from tdint.tabular import Tabular
 from tdint.units import suffix
 
@@ -144,10 +137,7 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
     """The columns of a spectrum over all directions with these percentiles."""
     middle = (
         Column(
-            f"rotd{p:02d}_psa_m_s2",
-            "m/s^2",
-            part("psa", i),
-            f"pseudo-acceleration, percentile {p} over all directions",
+            f"rotd{p:02d}_psa_m_s2", "m/s^2", part("psa", i), f"pseudo-acceleration, percentile {p} over all directions"
         )
         for i, p in enumerate(percentiles)
     )
@@ -190,7 +180,6 @@ def record_info(record: AnyRecord) -> RecordInfo:
         The record is none, or cannot be read.
     """
     from tdint.analysis.given import record_of
-    from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 
     of_file = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
@@ -260,10 +249,8 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     """The rows of results that are each of one record, after the record's name and component."""
     # Components are named together: one that a file has twice gets its full id.
     names = component_names([result.record for result in results])
-    rows: list[tuple[Cell, ...]] = []
-    for result, name in zip(results, names, strict=True):
-        rows.extend((result.record.source, name, *row) for row in rows_of(columns, result))
-    return Table.of((*OF_RECORD, *columns), rows)
+    heads = [(result.record.source, name) for result, name in zip(results, names, strict=True)]
+    return Table.of_results((*OF_RECORD, *columns), results, heads)
 
 
 def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
@@ -293,16 +280,11 @@ OF_FLOORS = (
 
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
     """A row for each motion, whose component is called as given."""
-    rows: list[tuple[Cell, ...]] = [
-        (record.source, component, *rows_of(MOTION[2:], record)[0])
-        for record, component in zip(records, components, strict=True)
-    ]
-    return Table.of(MOTION, rows)
+    heads = [(record.source, component) for record, component in zip(records, components, strict=True)]
+    return Table.of_results(MOTION, records, heads)
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
     """A row per floor, damping ratio and period, in the order given."""
-    rows = [
-        (floor_spectrum.floor, *row) for floor_spectrum in spectra for row in rows_of(SPECTRUM, floor_spectrum.spectrum)
-    ]
-    return Table.of((FLOOR, *SPECTRUM), rows)
+    heads = [(floor_spectrum.floor,) for floor_spectrum in spectra]
+    return Table.of_results((FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads)

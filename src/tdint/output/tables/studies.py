@@ -16,16 +16,7 @@ from tdint.campaign.scaling import Scaling
 from tdint.data import dataclass
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import (
-    OF_NAMED_RECORD,
-    OF_RECORD,
-    PERIOD,
-    Cell,
-    Column,
-    Table,
-    error_columns,
-    rows_of,
-)
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, numbered
 
 _PEAK = (
     Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, "peak: median over the motions"),
@@ -84,21 +75,13 @@ def _of_runs(name: str) -> Callable[[Any], Any]:
 
 IDA = (
     *_RECORD,
-    Column(
-        "level",
-        "1",
-        lambda one: np.arange(1, len(one.curve.runs) + 1),
-        "number of the level of intensity, from the lowest",
-    ),
+    Column("level", "1", numbered("curve.runs"), "number of the level of intensity, from the lowest"),
     Column("im", "1", _of_runs("im"), "intensity"),
     Column("scale", "1", _of_runs("scale"), "factor on the record"),
     Column("status", "text", _of_runs("status"), "how the run ended"),
     Column("peak_drift_ratio", "1", _of_runs("drift_ratio"), "largest peak drift over story height"),
     Column(
-        "peak_absolute_acceleration_m_s2",
-        "m/s^2",
-        _of_runs("acceleration"),
-        "largest absolute acceleration of a floor",
+        "peak_absolute_acceleration_m_s2", "m/s^2", _of_runs("acceleration"), "largest absolute acceleration of a floor"
     ),
     Column(
         "residual_drift_ratio",
@@ -237,7 +220,7 @@ def factor_table(scaling: Scaling) -> Table:
         factor for motion, factor in zip(scaling.motions, scaling.factors, strict=True) for _ in components(motion)
     ]
     rows = zip((record.source for record in records), component_names(records), map(float, factors), strict=True)
-    return Table.of(FACTORS, list(rows))
+    return Table.of(FACTORS, rows)
 
 
 def scaled_table(scaling: Scaling) -> Table:
@@ -251,11 +234,11 @@ def scaled_table(scaling: Scaling) -> Table:
     ]
     # Below the motions their mean and the target, which are of no record.
     curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
-    rows: list[tuple[Cell, ...]] = [
-        (curve, source, component, period, value)
-        for curve, source, component, psa in curves
+    rows = (
+        (*head, period, value)
+        for *head, psa in curves
         for period, value in zip(periods.tolist(), psa.tolist(), strict=True)
-    ]
+    )
     return Table.of(SCALED, rows)
 
 
@@ -277,19 +260,18 @@ class _CurveRows:
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
     columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked)
-    table = Table.of(columns, [row for curve in _curves(study) for row in rows_of(columns, curve)])
-    return _with_unit(table, study.measure.unit)
+    return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
     columns = _with_damage(CAPACITIES, study)
-    rows = [
-        rows_of(columns, _CurveRows(curve.record, curve.component, study, curve.curve, capacity))[0]
+    capacities = (
+        replace(curve, capacity=curve.curve.capacity(threshold))
         for curve in _curves(study)
-        for capacity in map(curve.curve.capacity, study.thresholds)
-    ]
-    return _with_unit(Table.of(columns, rows), study.measure.unit)
+        for threshold in study.thresholds
+    )
+    return _with_unit(Table.of_results(columns, capacities), study.measure.unit)
 
 
 def fragility_table(

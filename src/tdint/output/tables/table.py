@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from tdint.arrays import Array
 from tdint.data import dataclass
 from tdint.errors import OutputError
 from tdint.tabular import optional
@@ -52,16 +53,16 @@ class Column:
         As in the header.
     unit : str
         In SI; 1 for a number without one, `text` for words.
-    value : str or callable
+    value : str, callable or ndarray
         The attribute of a result (dots lead on) or the function of it that gives the cells: one for each row if it is
-        an array, else the same for all rows of the result.
+        an array, else the same for all rows of the result. Or the cells themselves, where one result has the table.
     meaning : str
         What it is, for people.
     """
 
     name: str
     unit: str
-    value: str | Callable[[Any], Any]
+    value: str | Callable[[Any], Any] | Array
     meaning: str
 
     @classmethod
@@ -71,6 +72,8 @@ class Column:
 
     def of(self, result: Any) -> Any:
         """The value for a result."""
+        if isinstance(self.value, np.ndarray):
+            return self.value
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
 
 
@@ -86,6 +89,11 @@ def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
 def part(name: str, place: Any) -> Callable[[Any], Any]:
     """The value of a column that is a part of an array: the attribute of a result, and the place in it."""
     return lambda result: attrgetter(name)(result)[place]
+
+
+def numbered(name: str) -> Callable[[Any], Any]:
+    """The value of a column of numbers from 1, as many as an attribute has members."""
+    return lambda result: np.arange(1, len(attrgetter(name)(result)) + 1)
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
@@ -150,14 +158,19 @@ class Table:
     meanings: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, columns: Sequence[Column], rows: list[tuple[Cell, ...]]) -> Table:
+    def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
         """A table of declared columns."""
-        return cls(names(columns), rows, describe(columns))
+        return cls(names(columns), list(map(tuple, rows)), describe(columns))
 
     @classmethod
-    def of_results(cls, columns: Sequence[Column], results: Iterable[Any]) -> Table:
-        """The rows of each result, in the order given."""
-        return cls.of(columns, [row for result in results for row in rows_of(columns, result)])
+    def of_results(
+        cls, columns: Sequence[Column], results: Iterable[Any], heads: Iterable[tuple[Cell, ...]] = repeat(())
+    ) -> Table:
+        """The rows of each result, in the order given; with `heads` what stands in the first columns of each."""
+        rows: list[tuple[Cell, ...]] = []
+        for result, head in zip(results, heads, strict=False):
+            rows += ((*head, *row) for row in rows_of(columns[len(head) :], result))
+        return cls.of(columns, rows)
 
     def in_units(self, units: OutputUnits) -> Table:
         """The same table in other units: columns renamed with them, numbers converted."""
@@ -204,12 +217,13 @@ class Table:
         UsageError
             pyarrow is not installed.
         """
-        columns: dict[str, Any] = {}
-        for column, cells in self.by_column():
-            # Numbers among words are words as well: a column of Parquet has one kind.
-            if isinstance(cells, list):
-                cells = [None if cell is None else cell_text(cell) for cell in cells]
-            columns[column.name] = cells
+        # Numbers among words are words as well: a column of Parquet has one kind.
+        columns = {
+            column.name: [cell if cell is None else cell_text(cell) for cell in cells]
+            if isinstance(cells, list)
+            else cells
+            for column, cells in self.by_column()
+        }
         return parquet(columns, self.meanings)
 
 
@@ -231,6 +245,11 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
     stream = io.BytesIO()
     writer.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), stream)
     return stream.getvalue()
+
+
+def digits(value: float | np.floating[Any]) -> float:
+    """Twelve significant digits, as in tables."""
+    return float(format(value + 0.0, ".12g"))
 
 
 def cell_text(value: Cell) -> str:

@@ -4,52 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from functools import partial, singledispatch
+from functools import partial
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.assessment.failures import Trial
-from tdint.analysis.assessment.order import ObservedOrder
-from tdint.analysis.assessment.paper_examples import ExampleRun
-from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
-from tdint.analysis.chart.profiles import FieldChart
-from tdint.analysis.chart.work_precision import Chart
-from tdint.analysis.compare import Comparison
-from tdint.analysis.matching import Match
 from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
-from tdint.analysis.run.outcome import STORY, History, Response, StoryPeaks
-from tdint.analysis.run.overview import Overview
-from tdint.analysis.run.run_many import Runs
-from tdint.analysis.spectra.drift import DriftSpectrum
-from tdint.analysis.spectra.elastic import Spectrum
-from tdint.analysis.spectra.floors import FloorSpectrum
-from tdint.analysis.spectra.fourier import FourierSpectrum
-from tdint.analysis.spectra.inelastic import InelasticSpectrum
-from tdint.analysis.spectra.modal import ModalResponse
-from tdint.analysis.spectra.rotated import RotatedSpectrum
-from tdint.analysis.static import CyclicTest, Pushover
-from tdint.analysis.target_displacement import TargetDisplacement
-from tdint.campaign.carry_out import CampaignRuns
-from tdint.campaign.fragility.fit_table import FragilityResult
-from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.ida import IdaStudy
-from tdint.campaign.scaling import Scaling
-from tdint.campaign.sensitivity import Swing
+from tdint.analysis.run.outcome import STORY, History
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.ground_motion.record import Record
-from tdint.methods.method import Integrator
-from tdint.model.inventory import InventoryBuilding
-from tdint.model.modes import Modes
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
-from tdint.output.tables.spectra import RecordInfo
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
 from tdint.tabular import Several, optional
 from tdint.units import SI, parse_output_units, quantities
-from tdint.validation import ValidationResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.run_many import Runs
 
 _ROWS = 20  # of a notebook's table
 _DIGITS = 5  # of its numbers
@@ -76,7 +48,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    if isinstance(result, list | tuple | Several) and type(result[0] if len(result) else None) not in _IN_ROWS:
+    if isinstance(result, list | tuple | Several) and type(result[0] if len(result) else None).__name__ not in _IN_ROWS:
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     values = _values(result)
@@ -85,14 +57,11 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     tables: dict[str, Any] = {}
     for column, value in values:
         renamed, factor = output_units.column(column.name, column.unit)
-        if isinstance(value, list):
-            tables[renamed] = value
-        elif isinstance(value, str):
-            tables[renamed] = [value] * size
-        elif isinstance(value, np.ndarray) and value.dtype.kind == "U":
-            tables[renamed] = value.tolist()
-        elif isinstance(value, np.ndarray):
-            tables[renamed] = value / factor if factor != 1.0 else value
+        if isinstance(value, np.ndarray):
+            words = value.dtype.kind == "U"
+            tables[renamed] = value.tolist() if words else value if factor == 1.0 else value / factor
+        elif isinstance(value, list | str):
+            tables[renamed] = [value] * size if isinstance(value, str) else value
         else:
             tables[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
     return tables
@@ -134,11 +103,8 @@ def to_xarray(runs: Runs) -> Any:
         about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
         told[story_quantity.name] = ("run", "story"), getattr(runs.stories, story_quantity.name), about
         if hasattr(runs.errors, story_quantity.name):
-            told[f"{story_quantity.name}_error"] = (
-                ("run", "story"),
-                getattr(runs.errors, story_quantity.name),
-                {"units": story_quantity.unit},
-            )
+            errors = getattr(runs.errors, story_quantity.name)
+            told[f"{story_quantity.name}_error"] = ("run", "story"), errors, {"units": story_quantity.unit}
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
@@ -178,72 +144,58 @@ OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.R
 """The columns of runs.csv by their attributes."""
 
 
-@singledispatch
-def _values(result: object) -> _Values:
+def _values(result: Any) -> _Values:
     """The value of each column: an array, or what all rows have."""
-    raise UsageError(f"{type(result).__name__} has no table")
-
-
-def _of(columns: Sequence[Column], result: Any) -> _Values:
-    return [(column, column.of(result)) for column in columns]
+    # Several results of a kind without a table for rows are joined before they come here.
+    if isinstance(result, list | tuple | Several):
+        return _in_rows(list(result))
+    kinds = (kind.__name__ for kind in type(result).__mro__)
+    values = next((_VALUES[kind] for kind in kinds if kind in _VALUES), None)
+    if values is None:
+        raise UsageError(f"{type(result).__name__} has no table")
+    return values(result)
 
 
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
     return partial(Table.of_results, columns)
 
 
-_IN_ROWS: dict[type, Callable[[Sequence[Any]], Table]] = {
-    ExampleRun: methods.example_table,
-    Fragility: studies.fragility_table,
-    Integrator: methods.method_table,
-    InventoryBuilding: _rows_of(buildings.INVENTORY),
-    Overview: _rows_of(buildings.OVERVIEW),
-    RecordInfo: spectra.info_table,
-    Swing: _rows_of(studies.SWINGS),
-    Trial: methods.failure_table,
-    ValidationResult: methods.validation_table,
+_IN_ROWS: dict[str, Callable[[Sequence[Any]], Table]] = {
+    "ExampleRun": methods.example_table,
+    "Fragility": studies.fragility_table,
+    "Integrator": methods.method_table,
+    "InventoryBuilding": _rows_of(buildings.INVENTORY),
+    "Overview": _rows_of(buildings.OVERVIEW),
+    "RecordInfo": spectra.info_table,
+    "Swing": _rows_of(studies.SWINGS),
+    "Trial": methods.failure_table,
+    "ValidationResult": methods.validation_table,
 }
-"""Tables with a row for each of several results."""
+"""Tables with a row for each of several results, by the names of their classes, whose modules are not loaded for it."""
 
 
 def _in_rows(results: Sequence[Any]) -> _Values:
-    return _IN_ROWS[type(results[0])](results).by_column()
+    return _IN_ROWS[type(results[0]).__name__](results).by_column()
 
 
-def _runs(result: CampaignRuns) -> _Values:
+def _of(columns: Sequence[Column], result: Any) -> _Values:
+    return [(column, column.of(result)) for column in columns]
+
+
+def _from(table: Callable[[Any], Table]) -> Callable[[Any], _Values]:
+    return lambda result: table(result).by_column()
+
+
+def _of_record(result: Any) -> _Values:
+    return _of((*OF_RECORD, *columns_of(type(result))), result)
+
+
+def _of_campaign(result: Any) -> _Values:
     with result.store as store:
         return campaign.runs_table(store).by_column()
 
 
-for _kind in (Fragility, Overview, RecordInfo):
-    _values.register(_kind, lambda result: _in_rows([result]))
-# Several results of a kind without a table for rows are joined before they come here.
-for _several in (Several, list, tuple):
-    _values.register(_several, lambda result: _in_rows(list(result)))
-_values.register(CampaignRuns, _runs)
-_values.register(Chart, lambda result: methods.chart_table(result).by_column())
-_values.register(Comparison, lambda result: buildings.comparison_table([result]).by_column())
-_values.register(FieldChart, lambda result: methods.profile_table(result).by_column())
-_values.register(FragilityResult, lambda result: studies.fragility_table(result.functions).by_column())
-_values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
-_values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
-_values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
-_values.register(Response, lambda result: responses.response_table(result).by_column())
-_values.register(Match, lambda result: spectra.match_table([result]).by_column())
-_values.register(Scaling, lambda result: studies.factor_table(result).by_column())
-_values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
-for _spectrum in (Spectrum, InelasticSpectrum, DriftSpectrum, FourierSpectrum):
-    _values.register(_spectrum, partial(_of, (*OF_RECORD, *columns_of(_spectrum))))
-_values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
-_values.register(ModalResponse, lambda result: _of(buildings.MODAL_RESPONSE, result))
-_values.register(TargetDisplacement, lambda result: _of(buildings.TARGET_DISPLACEMENT, result))
-_values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
-_values.register(StabilityCurve, lambda result: _of(methods.STABILITY, result))
-_values.register(Record, partial(_of, spectra.SAMPLES))
-
-
-@_values.register
-def _(result: Runs) -> _Values:
+def _of_runs(result: Runs) -> _Values:
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Building by building: arrays have room for the tallest, and nan above the others.
     for number in range(len(result.models)):
@@ -278,24 +230,12 @@ def _one(values: Any, *, run: int, stories: int) -> Any:
     return type(values)(**{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)})
 
 
-@_values.register
-def _(result: FloorSpectrum) -> _Values:
-    return _of([FLOOR], result) + _of(spectra.SPECTRUM, result.spectrum)
-
-
-@_values.register
-def _(result: RotatedSpectrum) -> _Values:
-    return _of((*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result)
-
-
-@_values.register
-def _(result: Modes) -> _Values:
+def _of_modes(result: Any) -> _Values:
     ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
     return _of((*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result)
 
 
-@_values.register
-def _(result: History) -> _Values:
+def _of_history(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
     for place, columns in responses.history_groups(error):
@@ -303,3 +243,33 @@ def _(result: History) -> _Values:
         # A column for each floor or story, in the order of the CSV file.
         values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
     return list(zip(responses.history_columns(stories, error), values, strict=True))
+
+
+_VALUES: dict[str, Callable[[Any], _Values]] = {
+    "CampaignRuns": _of_campaign,
+    "Chart": _from(methods.chart_table),
+    "Comparison": _from(lambda result: buildings.comparison_table([result])),
+    "CyclicTest": partial(_of, buildings.CYCLIC),
+    "FieldChart": _from(methods.profile_table),
+    "FloorSpectrum": lambda result: _of([FLOOR], result) + _of(spectra.SPECTRUM, result.spectrum),
+    "FragilityResult": _from(lambda result: studies.fragility_table(result.functions)),
+    "History": _of_history,
+    "IdaStudy": _from(studies.ida_table),
+    "Match": _from(lambda result: spectra.match_table([result])),
+    "ModalResponse": partial(_of, buildings.MODAL_RESPONSE),
+    "Modes": _of_modes,
+    "ObservedOrder": _from(lambda result: methods.order_table([result])),
+    "Overshoot": partial(_of, methods.OVERSHOOT),
+    "Pushover": lambda result: _of(buildings.pushover(result.drift.shape[1]), result),
+    "Record": partial(_of, spectra.SAMPLES),
+    "Response": _from(responses.response_table),
+    "RotatedSpectrum": lambda result: _of((*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result),
+    "Runs": _of_runs,
+    "Scaling": _from(studies.factor_table),
+    "StabilityCurve": partial(_of, methods.STABILITY),
+    "StoryPeaks": partial(_of, responses.STORY),
+    "TargetDisplacement": partial(_of, buildings.TARGET_DISPLACEMENT),
+}
+_VALUES |= dict.fromkeys(("Fragility", "Overview", "RecordInfo"), lambda result: _in_rows([result]))
+_VALUES |= dict.fromkeys(("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _of_record)
+"""Tables of a single result, likewise."""
