@@ -25,6 +25,7 @@ from tdint.campaign.store_schema import (
     ROW_TABLES,
     TABLES,
     check_store,
+    closed_on_failure,
     connect,
     connect_to_read,
     damaged_chunks,
@@ -308,11 +309,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     if (left := _told_left(merged)) and not partial:
         raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
     name = str(target / FILE)
-    with ExitStack() as failed:
+    with in_words(name):
+        store = Store(connect(name), name)
+    with closed_on_failure(store.connection):
         with in_words(name):
-            store = Store(connect(name), name)
-            # The store is closed if anything below fails.
-            failed.callback(store.connection.close)
             if not is_empty(store):
                 check_store(store.connection, name)
                 _check_same(merged[-1], parts[0])
@@ -324,7 +324,6 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             _tell(part)
             with _reopened(part) as source, in_words(name):
                 _take_chunks(source, store, set(part.chunks))
-        failed.pop_all()  # whoever asked closes it
     return store
 
 

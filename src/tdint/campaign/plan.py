@@ -20,14 +20,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.together import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
-from tdint.campaign.buildings import (
-    Buildings,
-    RowBuildings,
-    Rules,
-    different,
-    given_buildings,
-    models_of,
-)
+from tdint.campaign.buildings import Buildings, RowBuildings, Rules, different, given_buildings, models_of
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs

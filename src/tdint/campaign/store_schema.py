@@ -59,13 +59,10 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
     """
     _refuse_what_is_no_file(name)
     connection = sqlite3.connect(name, isolation_level=None)
-    try:
+    with closed_on_failure(connection):
         _guard(connection)
         wait_for(connection, name, f"PRAGMA journal_mode={'WAL' if log else 'DELETE'}")
         connection.execute(f"PRAGMA synchronous={'NORMAL' if log else 'FULL'}")
-    except BaseException:
-        connection.close()
-        raise
     return connection
 
 
@@ -73,14 +70,21 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
     """A connection that changes nothing and needs no lock that a writer has. Errors are those of `connect`."""
     _refuse_what_is_no_file(str(file))
     connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
-    try:
+    with closed_on_failure(connection):
         _guard(connection)
         connection.execute("BEGIN")  # one state of the store for all that is read
         wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
+    return connection
+
+
+@contextmanager
+def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
+    """Close a connection if what is within fails."""
+    try:
+        yield
     except BaseException:
         connection.close()
         raise
-    return connection
 
 
 def _guard(connection: sqlite3.Connection) -> None:
@@ -266,13 +270,10 @@ class RowTable:
         shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
-        first = (
-            [f"{self.name}.{column}" for column in ("scale", "sample")]
-            + method
-            + [f"{self.name}.{column}" for column in shown]
-        )
+        scale, sample, *others = (f"{self.name}.{column}" for column in ("scale", "sample", *shown))
+        columns = ", ".join([*named, scale, sample, *method, *others])
         return (
-            f"CREATE VIEW {self.view} AS SELECT {', '.join(named + first)} FROM {self.name} "
+            f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} "
             f"JOIN buildings b ON b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record "
             f"ORDER BY {', '.join(f'{self.name}.{column}' for column in self.key)}"
         )
