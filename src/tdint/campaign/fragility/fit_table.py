@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,9 +247,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                 lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())], of, motion if alike else None
             )
             assert isinstance(function, Fragility)
-            return function.within(
-                capacity[of], min(0.5, 1.0 - float(np.mean(censored[of])))
-            )  # known ones are all beyond
+            # Known ones are all beyond.
+            return function.within(capacity[of], min(0.5, 1.0 - float(np.mean(censored[of]))))
 
         for function in _by_threshold(table, request, fit):
             if isinstance(function, Fragility):
@@ -282,7 +281,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     if fit == STRIPES and not in_stripes:
         raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
-    lost = int(np.sum(runs.failed))
+    lost = int(np.sum(~runs.result))
     warnings = [f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"]
     if fit == CLOUD:
         # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
@@ -301,15 +300,13 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 @dataclass(frozen=True)
 class _Runs:
     """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest drift, whether the
-    building collapsed, whether there is a result, whether there is none, the ground motion; the intensity's name and
-    unit."""
+    building collapsed, whether there is a result, the ground motion; the intensity's name and unit."""
 
     im: Array
     level: NDArray[np.intp]
     drift: Array
     collapsed: NDArray[np.bool_]
     result: NDArray[np.bool_]
-    failed: NDArray[np.bool_]
     motion: NDArray[np.intp]
     names: tuple[str, str]
 
@@ -344,7 +341,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         raise ModelError(f"{table.source}: no run has a result")
     im, drift, motion = im[positive], drift[positive], motion[positive]
     collapsed, result = collapsed[positive], result[positive]
-    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
+    return _Runs(im, levels_of(im), drift, collapsed, result, motion, (name, unit))
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
@@ -354,14 +351,14 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     (function,) = over_motions(lambda taken: [_stripes(runs, over, taken)], of, runs.motion)
     assert isinstance(function, Fragility)
     function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
-    lost = int(np.sum(runs.failed))
+    lost = int(np.sum(~runs.result))
     # Nothing is known of runs that failed: at most all of them exceed, at least none.
     if not lost:
         return function
     every = np.ones_like(runs.result)
     # With all counted in a fit may be impossible; then that bound is not known.
     bounds: list[Fragility | None] = []
-    for counted in ((over & runs.result) | runs.failed, over & runs.result):
+    for counted in (over | ~runs.result, over & runs.result):
         try:
             bounds.append(_stripes(runs, counted, every))
         except AnalysisError:
@@ -604,16 +601,10 @@ class _Gathered:
         """All of them as arrays."""
         first, last = self.periods
         common = 0.0 < last < math.inf and last - first <= _SAME_PERIOD * first
-        return TypeRuns(
-            self.states,
-            np.frombuffer(self.im, np.float64),
-            np.frombuffer(self.demand, np.float64),
-            np.frombuffer(self.fallen, np.int8).astype(bool),
-            np.frombuffer(self.motion, np.int64),
-            self.failed,
-            measure.label(first if common else None),
-            unit,
-        )
+        im, demand = np.frombuffer(self.im, np.float64), np.frombuffer(self.demand, np.float64)
+        fallen, motion = np.frombuffer(self.fallen, np.int8).astype(bool), np.frombuffer(self.motion, np.int64)
+        name = measure.label(first if common else None)
+        return TypeRuns(self.states, im, demand, fallen, motion, self.failed, name, unit)
 
 
 def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
@@ -677,24 +668,16 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
     limited = fallen | (demand >= high)
     seen = np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE)) * demand[:, np.newaxis]
     above = limited[:, np.newaxis] | (seen >= heaviest)
+    im_of_seen, at_most = np.repeat(im, _THREE.size), np.minimum(seen, heaviest).ravel()
     try:
-        of_states = fit_cloud(
-            np.repeat(im, _THREE.size),
-            np.minimum(seen, heaviest).ravel(),
-            runs.states.medians,
-            above.ravel(),
-            lightest=lightest,
-        )
+        of_states = fit_cloud(im_of_seen, at_most, runs.states.medians, above.ravel(), lightest=lightest)
     except AnalysisError as error:
         return [error for _ in runs.states.states]
     # For the picture the demands themselves stand, not the three that each was seen with.
     below = ~limited & (demand < lightest)
+    counts: dict[str, Any] = {"records": im.size, "censored": int(np.sum(limited))}
+    points: dict[str, Any] = {"im": im, "edp": demand, "censored": limited, "below": below}
     return [
-        replace(
-            function,
-            records=im.size,
-            censored=int(np.sum(limited)),
-            cloud=function.cloud and replace(function.cloud, im=im, edp=demand, censored=limited, below=below),
-        )
+        replace(function, cloud=function.cloud and replace(function.cloud, **points), **counts)
         for function in of_states
     ]

@@ -107,14 +107,8 @@ def run_measure(text: str) -> RunMeasure:
     of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
     if of_motion and not rest:
         value = of_motion.of
-        return RunMeasure(
-            of_motion.head,
-            of_motion.unit,
-            of_motion.meaning,
-            lambda record, period: value(record),
-            of_motion.power,
-            of_motion.name,
-        )
+        head, unit, meaning = of_motion.head, of_motion.unit, of_motion.meaning
+        return RunMeasure(head, unit, meaning, lambda record, period: value(record), of_motion.power, of_motion.name)
     kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in kinds:
         names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
@@ -271,9 +265,9 @@ class RunIntensities:
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
-            self._place, self._factor = table.header.index(column_name), unit_factor(unit)[1]
-            self.unit = measure.unit or unit_factor(unit)[0]
-            self._rows = iter(table.rows)
+            self._place, self._rows = table.header.index(column_name), iter(table.rows)
+            si, self._factor = _UNITS[unit]
+            self.unit = measure.unit or si
 
     @property
     def note(self) -> str:
@@ -307,19 +301,14 @@ class RunIntensities:
         return self._factor * float(text) if text else math.nan
 
 
-def unit_factor(unit: str) -> tuple[str, float]:
-    """The SI unit of a measure in a unit, and the factor to it."""
-    for si, units in {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}.items():
-        if unit in units:
-            return si, units[unit]
-    return "m/s", VELOCITY[unit]
-
-
 MEASURES = "measures.csv"
 """Beside runs.csv, by `tdint campaign --im`."""
 
 _KEYS = ("building", "record", "component", "scale", "sample")
-_UNITS = (*ACCELERATION, *VELOCITY, *LENGTH, *(f"{one}/s" for one in LENGTH), *(f"{one}/s^2" for one in LENGTH), "s")
+_KINDS = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
+_UNITS = {unit: (si, factor) for si, units in _KINDS.items() for unit, factor in units.items()}
+"""Of measures: their SI unit, and the factor to it."""
+
 _NEEDS = "a table of characteristics has the column record and others of numbers, such as magnitude and distance_km"
 _LEAST = 3  # runs of a line with a dispersion
 _SCALE = "ln scale"
