@@ -20,7 +20,6 @@ from tdint.campaign.definition import (
     Varied,
     read_sweep,
 )
-from tdint.campaign.definition import positive as _positive
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, SPECTRAL, levelled, measure_at, without_levels
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
@@ -249,7 +248,7 @@ _ANALYSIS = Keys(
         Key("methods", EntriesOf(Words(), least=1), "several methods, each with all the rest"),
         Key(
             "dt",
-            Either((POSITIVE, EntriesOf(POSITIVE, least=1))),
+            Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
             "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
         ),
         Key("duration", POSITIVE, "time to integrate, s"),
@@ -339,12 +338,14 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(
-            dt=None if dt is None or dt.is_list else _positive(dt),
+            dt=dt.read() if dt and not dt.is_list else None,
             **analysis.given("duration", "tolerance", "until_rest", "check"),
             stories=outputs.read("stories", False) if outputs else "stories" in (chosen or ()),
             profiles=outputs.read("profiles", models) if outputs else "profiles" in (chosen or ("profiles",) * models),
         ),
-        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=models),
+        sweep=read_sweep(
+            section.get("vary"), analysis.get("methods"), dt if dt and dt.is_list else None, models=models
+        ),
         damage=read_wishes(
             section.get("damage"), read_buildings.rules if isinstance(read_buildings, InventoryFile) else None
         ),
@@ -481,19 +482,18 @@ def _levels(section: Section) -> MeasureLevels | None:
 
 def _level(value: Value, quantity: str) -> float:
     """A value with its unit in SI; nan after a fault."""
-    text = value.text()
-    if text is None:
-        return math.nan
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
-    try:
-        units = parse_units(text)
-    except UsageError:
-        value.fault(f"must be a positive number with its unit, such as {example}, got {text!r}")
-        return math.nan
-    # A bare unit is no value: its factor is the level.
-    if units.quantity != quantity or not units.has_factor:
-        value.fault(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
-        return math.nan
-    if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
-        value.fault(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
-    return units.scale
+
+    def level(text: str) -> float:
+        try:
+            units = parse_units(text)
+        except UsageError:
+            raise UsageError(f"must be a positive number with its unit, such as {example}, got {text!r}") from None
+        # A bare unit is no value: its factor is the level.
+        if units.quantity != quantity or not units.has_factor:
+            raise UsageError(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
+        if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
+            raise UsageError(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
+        return units.scale
+
+    return value.parsed(level) or math.nan
