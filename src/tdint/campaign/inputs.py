@@ -130,16 +130,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.told_at_its_place():
         rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
-    return Inputs(
-        models,
-        rows,
-        motions,
-        _assignment(campaign, motions.places, rows, len(models)),
-        factors,
-        read_class_damage(campaign.damage),
-        faults,
-        far,
-    )
+    assignment, damage = _assignment(campaign, motions.places, rows, len(models)), read_class_damage(campaign.damage)
+    return Inputs(models, rows, motions, assignment, factors, damage, faults, far)
 
 
 def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
@@ -273,8 +265,7 @@ def _assignment(
     if motions is None or not isinstance(records, GridFile | FieldFile):
         return None
     if isinstance(motions, GridMotions):
-        assert isinstance(records, GridFile)
-        assert rows is not None
+        assert isinstance(records, GridFile) and rows is not None
         return GridDraws(rows, motions, records)
     # Events without sites act on all buildings alike.
     if motions.sites == ("",):
@@ -324,12 +315,12 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     # Columns that are left out say nothing: all components, the factor 1, the file's own units.
-    components = table.texts("component") if table.has("component") else [""] * len(table.rows)
-    factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
-    units = table.texts("units") if table.has("units") else [""] * len(table.rows)
+    told = [
+        table.texts(name) if table.has(name) else [""] * len(table.rows) for name in ("component", "factor", "units")
+    ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     shocks: dict[str, list[_Shock]] = {}
-    for name, record, component, (line, text), unit in zip(names, records, components, factors, units, strict=True):
+    for name, record, component, text, unit, (line, _) in zip(names, records, *told, table.rows, strict=True):
         file = resolve(record, Path(sequences.file).parent)
         factor = _factor(sequences.file, line, text or "1")
         shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))

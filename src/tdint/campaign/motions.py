@@ -86,9 +86,8 @@ class FieldMotions:
         site, event, record, value = rows
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
-        return cls(
-            tuple(events), tuple(sites), start, event[order], record[order], value[order], tuple(motions), places
-        )
+        in_order = event[order], record[order], value[order]
+        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
 
     def draws(self, site: int) -> list[Draw]:
         """The motions at a site; the number of a draw is that of its event."""
