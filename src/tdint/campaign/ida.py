@@ -12,20 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
+from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
-from tdint.campaign.ida_curve import (
-    DamagedState,
-    IdaCurve,
-    IdaRun,
-    LevelSearch,
-    Mainshock,
-    damaged,
-    damages_of,
-    run_level,
-)
+from tdint.campaign.ida_curve import DamagedState, IdaCurve, IdaRun, LevelSearch, Mainshock, damaged
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, SpectralIntensity, factor_to, sa
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
@@ -257,17 +249,8 @@ def ida(
     ]
     # Collapse is the last of the thresholds, whatever others are asked for.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
-    return IdaStudy(
-        subject.model,
-        chosen,
-        subject.integrator.label,
-        thresholds,
-        tuple(curves),
-        paired,
-        resumed,
-        tuple(remarks),
-        settings.check,
-    )
+    of = subject.model, chosen, subject.integrator.label, thresholds
+    return IdaStudy(*of, tuple(curves), paired, resumed, tuple(remarks), settings.check)
 
 
 STORE = "ida.sqlite"
@@ -331,11 +314,15 @@ class _Work:
         return cls(number, batch, measure, intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
-        """Do all runs of the record."""
+        """Do all runs of the record; one that has no result is repeated with half the step. FailedRun where the step is
+        beyond the method's limit."""
         began, rows = time.thread_time(), Rows()
 
         def run(scale: float) -> RunRow:
-            row = run_level(self.batch, Run(self.number, scale))
+            (row,) = self.batch.results([Run(self.number, scale)]).runs
+            if row.status == UNSTABLE:  # No level mends that; said as a single run says it.
+                case, settings = self.batch.subject.case(self.record), self.batch.settings
+                case.march(case.steps(settings.dt, settings.duration))
             rows.runs.append(row)
             return row
 
@@ -408,11 +395,20 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
-    """For each state of the building what each record comes after; nothing, first."""
-    drift = subject.model.collapse_drift
+    """For each state of the building what each record comes after: nothing first, then what damages it to some drifts.
+
+    Raises
+    ------
+    UsageError
+        A drift is none, or that of a collapse.
+    """
+    drift, damages = subject.model.collapse_drift, sorted(set(mainshock.damages if mainshock else ()))
+    for damage in damages:
+        if not 0.0 < damage < drift:
+            raise UsageError(f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {drift:g}")
     by_key: dict[tuple[str, float], DamagedState] = {}
     states: list[list[DamagedState | None]] = [[None] * len(records)]
-    for damage in damages_of(mainshock, drift)[1:]:
+    for damage in damages:
         state: list[DamagedState | None] = []
         for record in records:
             assert mainshock is not None
