@@ -481,14 +481,9 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
 
 def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
     key, dt = run
-    settings = plan.settings
+    settings, case = plan.settings, subject.case(plan.motions[key.motion].record, key.scale)
     response = run_case(
-        subject.case(plan.motions[key.motion].record, key.scale),
-        dt=dt,
-        duration=settings.duration,
-        history=True,
-        check=False,
-        until_rest=settings.until_rest,
+        case, dt=dt, duration=settings.duration, history=True, check=False, until_rest=settings.until_rest
     )
     return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))
 
@@ -506,12 +501,8 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
             if not level.stood:
                 continue
             for i, shown in enumerate(spectra[level.stood[0][0]]):
-                psa = [np.max([spectra[run][i].spectrum.psa for run in motion], axis=0) for motion in level.stood]
+                of, name = shown.spectrum, names[number][0]
+                psa = np.array([np.max([spectra[run][i].spectrum.psa for run in runs], axis=0) for runs in level.stood])
                 yield FloorSuite(
-                    **vars(level),
-                    building=names[number][0],
-                    floor=shown.floor,
-                    damping=shown.spectrum.damping,
-                    periods=shown.spectrum.periods,
-                    psa=np.array(psa),
+                    **vars(level), building=name, floor=shown.floor, damping=of.damping, periods=of.periods, psa=psa
                 )
