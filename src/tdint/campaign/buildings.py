@@ -18,7 +18,7 @@ from tdint.units import SI, OutputUnits
 
 def output_units(buildings: Buildings) -> OutputUnits:
     """The units in which all of their models want results; SI where they do not agree."""
-    units = {building.output_units for building in different(buildings)}
+    units = {model.output_units for model in models_of(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
@@ -82,19 +82,9 @@ class GivenBuilding:
         return digest_of(self.made.model, self.method)
 
     @property
-    def wishes(self) -> tuple[float | None, float | None]:
-        """The time step and the duration that its model asks for, s."""
-        return self.made.model.analysis.dt, self.made.model.analysis.duration
-
-    @property
     def varied(self) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
         return dict(self.made.model.varied)
-
-    @property
-    def output_units(self) -> OutputUnits:
-        """The units in which its model wants results."""
-        return self.made.model.output_units
 
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
@@ -182,16 +172,8 @@ class RowBuilding:
         return hashlib.sha256(repr(contents).encode()).hexdigest()
 
     @property
-    def wishes(self) -> tuple[float | None, float | None]:
-        return None, None
-
-    @property
     def varied(self) -> Mapping[str, float]:
         return dict(self.row.changes)
-
-    @property
-    def output_units(self) -> OutputUnits:
-        return SI
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -231,7 +213,7 @@ Buildings = Sequence[GivenBuilding] | RowBuildings
 
 
 def different(buildings: Buildings) -> Sequence[GivenBuilding | RowBuilding]:
-    """Those that may differ in their methods, units and wishes: of an inventory the first stands for all."""
+    """Those that may differ in their methods: of an inventory the first stands for all."""
     return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
 
 

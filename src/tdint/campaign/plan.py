@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.together import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
-from tdint.campaign.buildings import Buildings, RowBuildings, Rules, different, given_buildings, models_of
+from tdint.campaign.buildings import Buildings, RowBuildings, Rules, given_buildings, models_of
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
@@ -166,7 +166,7 @@ class Plan:
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
-        analyses = {building.wishes for building in different(self.buildings)}
+        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {(None, None)}
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
                 record = motion.record
@@ -282,7 +282,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     else:
         assert inputs.factors is not None
         levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
-    ends = [campaign.settings.duration or building.wishes[1] for building in different(buildings)]
+    duration = campaign.settings.duration
+    ends = [duration or model.analysis.duration for model in inputs.models] or [duration]
     notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
     # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
