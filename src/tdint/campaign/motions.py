@@ -253,14 +253,14 @@ class GridDraws:
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """The points near a building, and how likely each is: by 1 / distance^2."""
-        count = min(self.wanted.neighbors, len(self._points))
+        count = min(self.wanted.neighbors, self._tree.n)
         distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
         at = distances == 0.0
         weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        grid_file, grid = self.wanted, repr((self._points.tolist(), self.grid.motions))
+        grid_file, grid = self.wanted, repr((self._tree.data.tolist(), self.grid.motions))
         numbers = {"neighbors": grid_file.neighbors, "samples": grid_file.samples, "draw_seed": grid_file.seed}
         return {**numbers, "distance": grid_file.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
 
@@ -269,12 +269,8 @@ class GridDraws:
         return coordinates(self.rows.places, self.wanted.distance)
 
     @cached_property
-    def _points(self) -> Array:
-        return coordinates(self.grid.places, self.wanted.distance)
-
-    @cached_property
     def _tree(self) -> Any:
-        return cKDTree(self._points)
+        return cKDTree(coordinates(self.grid.places, self.wanted.distance))
 
 
 Assignment = EveryMotion | FieldDraws | GridDraws
