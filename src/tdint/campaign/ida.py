@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -258,13 +258,10 @@ STORE = "ida.sqlite"
 
 
 @contextmanager
-def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store | None, list[str]]]:
-    """The store of a study in a folder that nobody else writes, and what to say of it; none without a folder."""
-    if folder is None:
-        yield None, []
-        return
-    with locked(folder):
-        store, remarks = open_or_begin(folder / STORE, identity, log=False)
+def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
+    """The store of a study in a folder that nobody else writes, and what to say of it; in memory without a folder."""
+    with locked(folder) if folder else nullcontext():
+        store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
         with store:
             yield store, remarks
 
@@ -346,20 +343,19 @@ class _Work:
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _done(works: Sequence[_Work], store: Store | None, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
+def _done(works: Sequence[_Work], store: Store, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
     """The runs of all records, and how many records were done before; the others are shared by threads."""
     results: dict[int, RecordRuns] = {}
-    for number in sorted(store.done()) if store else ():
-        if store and (runs := works[number].kept(store.runs_of(number))):
+    for number in sorted(store.done()):
+        if runs := works[number].kept(store.runs_of(number)):
             results[number] = runs
-        elif store:  # of a version with other levels
+        else:  # of a version with other levels
             store.remove({number})
     resumed = len(results)
     progress(resumed, len(works))
     for done, runs in on_threads(_Work.done, [work for work in works if work.number not in results], max(1, jobs)):
         results[done.number] = runs
-        if store:
-            store.add(done)
+        store.add(done)
         progress(len(results), len(works))
     return [results[work.number] for work in works], resumed
 
