@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,14 +111,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
             models = sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
-    if isinstance(campaign.records, GridFile):
-        motions = read_grid(campaign.records)
-    elif isinstance(campaign.records, FieldFile):
-        motions = read_field(campaign.records)
-    elif isinstance(campaign.records, SequenceFile):
-        motions = read_sequences(campaign.records)
-    else:
-        motions = read_motions(campaign.records)
+    motions = _READERS[type(campaign.records)](campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     # What is too far from any site is left out before a sweep multiplies it.
     far: tuple[ModelFault, ...] = ()
@@ -334,6 +327,10 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
     return FoundMotions(tuple(motions), tuple(failures), tuple(notes))
+
+
+_READERS: dict[type, Callable[[Any], FoundMotions]]
+_READERS = {GridFile: read_grid, FieldFile: read_field, SequenceFile: read_sequences, RecordFiles: read_motions}
 
 
 class _Shock(NamedTuple):

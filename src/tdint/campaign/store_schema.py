@@ -11,7 +11,7 @@ import hashlib
 import logging
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
@@ -203,7 +203,7 @@ def locked(folder: Path) -> Iterator[None]:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
     except sqlite3.Error as error:
         raise OutputError(f"{folder}: cannot be written: {error}") from None
-    try:
+    with closing(connection):
         try:
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
@@ -216,8 +216,6 @@ def locked(folder: Path) -> Iterator[None]:
         # Only who has the lock knows that unfinished files belong to nobody.
         remove_abandoned(folder)
         yield
-    finally:
-        connection.close()
 
 
 # ---- Schema
