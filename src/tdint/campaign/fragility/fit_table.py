@@ -46,7 +46,7 @@ from tdint.campaign.fragility.measures import (
 )
 from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exceedance
 from tdint.campaign.profiles import motion_numbers
-from tdint.campaign.store import Store, check_chunks, open_existing
+from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -540,7 +540,13 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             more = "; or give --threshold" if by == BUILDING else ""
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
         intensities = RunIntensities(store, folder, measure)
-        of_types = type_runs(store, intensities, measure, by=by, states=of_all)
+        # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
+        motions = {} if store.events() else motion_numbers(store.records())
+        gathered: dict[str, _Gathered] = {}
+        for of in building_damages(store, of_all):
+            name = of.type if by == TYPE else of.building
+            gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
+        of_types = {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
     # What cannot be fitted says of which type and state, and stops no other.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
@@ -553,24 +559,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)
-
-
-def type_runs(
-    store: Store,
-    intensities: RunIntensities,
-    measure: RunMeasure,
-    *,
-    by: str = TYPE,
-    states: DamageStates | None = None,
-) -> dict[str, TypeRuns]:
-    """The runs of each type or building, by name; `states` in place of the campaign's. One building is held at once."""
-    # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
-    motions = {} if store.events() else motion_numbers(store.records())
-    gathered: dict[str, _Gathered] = {}
-    for of in building_damages(store, states):
-        name = of.type if by == TYPE else of.building
-        gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
-    return {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
 
 
 @dataclass
