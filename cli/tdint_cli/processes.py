@@ -42,7 +42,7 @@ class Lost(Exception):
 
 
 class Workers(Generic[Item, Outcome]):
-    """Processes that apply a function to items; a context, at whose end none of them is left.
+    """Processes that apply a function to items, until they are ended.
 
     Parameters
     ----------
@@ -59,13 +59,10 @@ class Workers(Generic[Item, Outcome]):
         self._count = count
         self._workers: list[_Worker] = []
 
-    def __enter__(self) -> Workers[Item, Outcome]:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def end(self) -> None:
+        """Leave none of them."""
         for worker in self._workers:
             worker.end()
-        self._workers.clear()
 
     def outcomes(self, items: Sequence[Item]) -> Iterator[tuple[int, Outcome | Lost]]:
         """The outcome of each item with its place, in the order in which they come."""
@@ -212,7 +209,9 @@ def _outcomes(
         yield outcome
         rest = tasks[done:]
         if jobs > 1 and not isinstance(outcome, TdintError) and len(rest) > 1:
-            yield from _shared(attempt, rest, stack.enter_context(Workers(attempt, min(jobs, len(rest)))))
+            workers = Workers(attempt, min(jobs, len(rest)))
+            stack.callback(workers.end)
+            yield from _shared(attempt, rest, workers)
             return
 
 
