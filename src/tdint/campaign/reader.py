@@ -208,7 +208,10 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
 _DAMPING = ("full", "mass-only")
 _LENGTH = Choice(("m", "ft"), "length unit of inventories")
-_UNITS = Keys((Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True),))
+_UNITS = Keys(
+    (Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True, advice="give ft or m"),),
+    make=lambda _, length: LENGTH[length],
+)
 _BUILDINGS = Keys(
     (
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
@@ -278,7 +281,7 @@ CAMPAIGN = Keys(
         Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key(
             "outputs",
-            Either((_OUTPUTS, EntriesOf(Choice(_TABLES), least=1))),
+            Either((_OUTPUTS, EntriesOf(Choice(_TABLES, "table"), 1, short="is empty; name at least one table"))),
             "what is written beside a row for each run, or a list of all that is written",
         ),
         Key("style", Words(), "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no"),
@@ -321,11 +324,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
     # A list chooses all tables that are written, keys add to what is usual.
-    chosen = None
-    if stated and stated.is_list:
-        items = stated.items("a list of tables", "is empty; name at least one table") or ()
-        chosen = tuple(table for item in items if (table := item.choice(_TABLES, "table")))
-    outputs = stated.section(_OUTPUTS) if stated and chosen is None else None
+    chosen = stated.read() if stated and stated.is_list else None
+    outputs = stated.section(_OUTPUTS) if stated and not stated.is_list else None
     dt = analysis.get("dt")
     read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     # Profiles come by default for single models; of inventories they would be large.
@@ -406,9 +406,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     file = inventory.file()
     name = section.read("rules", next(iter(RULES)))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
-    lengths = units.section() if units else None
-    length = lengths.need("length", "give ft or m") if lengths else None
-    unit = length.read() if length else None
+    unit = units.read() if units else None
     kind, classes = section.read("damping"), section.file("classes")
     numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
     # Rules by capacity curves read another table and know no scatter.
@@ -419,7 +417,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         section.refuse(("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
-    return InventoryFile(file, name, LENGTH[unit], mass_only=kind == "mass-only", classes=classes, **numbers)
+    return InventoryFile(file, name, unit, mass_only=kind == "mass-only", classes=classes, **numbers)
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:

@@ -390,10 +390,8 @@ class Fragility:
             )
         unit, value = units.unit(si)
         factor = kinds[si][self.unit] / value
-        points, cloud = self.points, self.cloud
         # What was observed goes along, or pictures would show it beside another axis.
-        if points is not None:
-            points = replace(points, im=factor * points.im)
+        points, cloud = self.points and replace(self.points, im=factor * self.points.im), self.cloud
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
