@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -442,19 +442,12 @@ def _identity(
     """What the runs depend on."""
     # Other measures have neither periods nor a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None
-    about = {
+    about = {name.replace("_", " "): value for name, value in asdict(settings).items()} | {
         "study": "ida",
         "measure": measure.name,
         "periods": list(spectral.periods) if spectral else [],
         "damping": spectral.damping if spectral else None,
-        "dt": settings.dt,
-        "duration": settings.duration,
-        "until rest": settings.until_rest,
-        "check": settings.check,
-        "precision": settings.precision,
-        "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds or ()),
-        "max im": settings.max_im,
         "pairs": paired,
     }
     name, count = subject.model.name, len(records)

@@ -321,15 +321,9 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         with (campaign.sweep or ParameterSweep()).told_at_its_place():
             if analysis.method is None:
                 notes.append(f"no method is named, {DEFAULT_METHOD} is used")
-            rules = Rules(
-                name=inventory.rules,
-                stiffness=inventory.stiffness_scatter,
-                damping=inventory.damping_scatter,
-                seed=inventory.seed,
-                method=analysis.method or DEFAULT_METHOD,
-                collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
-                p_delta=bool(analysis.p_delta),
-            )
+            scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
+            same = analysis.method or DEFAULT_METHOD, analysis.collapse_drift or _COLLAPSE_DRIFT, bool(analysis.p_delta)
+            rules = Rules(inventory.rules, *scatter, *same)
             assert inputs.rows is not None
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
