@@ -268,8 +268,8 @@ class Store:
         OutputError
             The disk is full, the file is damaged, somebody else writes.
         """
-        by_table: tuple[list[Any], ...] = (done.rows.runs, done.rows.stories, done.rows.shocks)
-        rows = [table.plain(of_table) for table, of_table in zip(schema.ROW_TABLES, by_table, strict=True)]
+        by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
+        rows = [table.plain(of_table) for table, of_table in by_table]
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
             for table, of_table in zip(schema.ROW_TABLES, rows, strict=True):
@@ -295,8 +295,7 @@ class Store:
             bad = schema.damaged_chunks(self.connection)
             if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                size = identity.size
-                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and size(i) in (None, runs))}
+                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and identity.size(i) in (None, runs))}
             if not bad:
                 return 0
             self.remove(bad)
@@ -347,8 +346,8 @@ class Store:
         """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, looks
         of pictures, files of models, and columns of an inventory."""
         buildings, every = identity.buildings, len(identity.buildings)
-        columns = buildings[0].columns
-        carried = buildings.rows.digest(carried=True) if isinstance(buildings, RowBuildings) else ""
+        rows = buildings.rows if isinstance(buildings, RowBuildings) else None
+        columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
         values = {
             "inventory": json.dumps({"columns": columns, "sha256": carried}),
             "output_units": str(identity.units),

@@ -298,30 +298,17 @@ class RowTable:
         return sorted(result, key=lambda row: row[: len(self.key)])
 
 
-def _kinds(quantities: Iterable[Quantity], name: str) -> dict[str, type]:
-    """Columns of what is told beside some quantities."""
-    return {name.format(quantity.column): float for quantity in quantities}
+def _kinds(quantities: Iterable[Quantity], behind: str = "") -> dict[str, type]:
+    """Columns of some quantities, or of numbers that are told beside them, with `behind` behind the names."""
+    return {quantity.column + behind: float if behind else quantity.kind for quantity in quantities}
 
 
-RUNS = RowTable(
-    "run_rows",
-    _KEY,
-    {one.column: one.kind for one in RUN} | _kinds(RUN_WITH_ERROR, "{}_error"),
-    "runs",
-    tuple(one.column for one in RUN if one.shown == HIDDEN),
-)
-STORIES = RowTable(
-    "story_rows",
-    _KEY | {"story": int},
-    {"height_m": float} | {one.column: one.kind for one in STORY} | _kinds(STORY, "{}_error"),
-    "stories",
-)
-SHOCKS = RowTable(
-    "shock_rows",
-    _KEY | {"shock": int},
-    {"start_s": float, "pga_m_s2": float} | {one.column: one.kind for one in DEMANDED},
-    "shocks",
-)
+_HIDDEN = tuple(one.column for one in RUN if one.shown == HIDDEN)
+RUNS = RowTable("run_rows", _KEY, _kinds(RUN) | _kinds(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN)
+_OF_STORY = {"height_m": float} | _kinds(STORY) | _kinds(STORY, "_error")
+STORIES = RowTable("story_rows", _KEY | {"story": int}, _OF_STORY, "stories")
+_OF_SHOCK = {"start_s": float, "pga_m_s2": float} | _kinds(DEMANDED)
+SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _OF_SHOCK, "shocks")
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
 """In the order of the fields of `tdint.campaign.batch.Rows`."""
 
