@@ -229,11 +229,10 @@ def ida(
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     # A work is a record after a state of the building: its levels follow from its own runs alone.
+    ordered = [(*part, before) for state in states for part, before in zip(parts, state, strict=True)]
     works = [
         _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
-        for number, ((motion, record), before) in enumerate(
-            (part, curve) for state in states for part, curve in zip(parts, state, strict=True)
-        )
+        for number, (motion, record, before) in enumerate(ordered)
     ]
     paired = pair if len(parts) > len(suite) else None
     # What the runs depend on is kept with them: another study in the folder is refused.
@@ -241,11 +240,10 @@ def ida(
     with _opened(folder, identity) as (store, remarks), told_progress(progress, len(works), "record") as told:
         runs_of_works, resumed = _done(works, store, jobs, told)
     collapse_drift = subject.model.collapse_drift
-    befores = [before for state in states for before in state]
     # Curves in the order of the works: all records of a state, then those of the next.
     curves = [
         IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
-        for record, runs, before in zip(records * len(states), runs_of_works, befores, strict=True)
+        for (_, record, before), runs in zip(ordered, runs_of_works, strict=True)
     ]
     # Collapse is the last of the thresholds, whatever others are asked for.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)

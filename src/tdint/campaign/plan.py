@@ -253,13 +253,11 @@ class Plan:
             for motion in dict.fromkeys(draw.motion for draw in of_building):
                 users.setdefault(motion, []).append(place)
         periods = [source.subject().period if self.levels.by_period else math.nan for source in sources]
-        return {
-            (place, motion): values
-            for motion, places in users.items()
-            for place, values in zip(
-                places, self.levels.factors(motion, [periods[place] for place in places]), strict=True
-            )
-        }
+        factors: dict[tuple[int, int], tuple[float, ...]] = {}
+        for motion, places in users.items():
+            of_places = self.levels.factors(motion, [periods[place] for place in places])
+            factors |= {(place, motion): values for place, values in zip(places, of_places, strict=True)}
+        return factors
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
