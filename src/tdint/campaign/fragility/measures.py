@@ -121,14 +121,14 @@ def run_measure(text: str) -> RunMeasure:
         raise UsageError(f"{text!r}: {error}; write {form}") from None
 
 
-def _period(text: str) -> float | None:
-    """Seconds; None for the first period of each building."""
+def _period(text: str) -> tuple[float | None, str, str]:
+    """Seconds, None for the first period of each building; in words, and in names of functions."""
     if text in ("", FIRST):
-        return None
+        return None, "the first period of the building", "{}"
     value = float(text)
     if not 0.0 < value < math.inf:
         raise UsageError("the period must be a positive number")
-    return value
+    return value, f"{value:g} s", f"{value:g}"
 
 
 def _named(*parts: object) -> str:
@@ -137,14 +137,12 @@ def _named(*parts: object) -> str:
 
 
 def _spectral(rest: str) -> RunMeasure:
-    period = _period(rest)
-    where = "the first period of the building" if period is None else f"{period:g} s"
+    period, where, at = _period(rest)
 
     def value(record: Record, first_period: float) -> float:
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
 
-    called = f"sa({'{}' if period is None else f'{period:g}'})"
-    return RunMeasure(_named("sa", period or "t1"), "m/s^2", f"Sa at {where}, 5 % damping", value, called=called)
+    return RunMeasure(_named("sa", period or "t1"), "m/s^2", f"Sa at {where}, 5 % damping", value, called=f"sa({at})")
 
 
 def _average(rest: str) -> RunMeasure:
@@ -166,16 +164,15 @@ def _average(rest: str) -> RunMeasure:
 
 def _inelastic(rest: str) -> RunMeasure:
     seconds, _, text = rest.partition(":")
-    period, strength = _period(seconds), parse_ratio(text)
+    (period, where, at), strength = _period(seconds), parse_ratio(text)
     if not 0.0 < strength < math.inf:
         raise UsageError("the strength, yield force over weight, must be positive")
-    where = "the first period of the building" if period is None else f"{period:g} s"
 
     def value(record: Record, first_period: float) -> float:
         return float(constant_strength(record, np.array([period or first_period]), [strength], SA_DAMPING)[0].sd[0])
 
     meaning = f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at {strength:g}"
-    called = f"sdi({'{}' if period is None else f'{period:g}'},{strength:g})"
+    called = f"sdi({at},{strength:g})"
     return RunMeasure(_named("sdi", period or "t1", strength), "m", f"{meaning} of its weight", value, None, called)
 
 
