@@ -343,14 +343,11 @@ def _peaks(
     # A residual drift has a sign.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
     values, errors = ([block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
-    peaks = np.stack([_of_motion(block) for block in values], axis=-1)
-    off = [_may_add(_of_motion, *block) for block in zip(values, errors, strict=True)] if checked else []
+    # Of both components the larger.
+    larger = partial(np.max, axis=0)
+    peaks = np.stack([larger(block) for block in values], axis=-1)
+    off = [_may_add(larger, *block) for block in zip(values, errors, strict=True)] if checked else []
     return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
-
-
-def _of_motion(runs: Array) -> Array:
-    """Of both components the larger, shape (n, quantities) from (runs, n, quantities)."""
-    return np.asarray(np.max(runs, axis=0))
 
 
 def _by_name(values: Array) -> dict[str, Array]:
