@@ -9,10 +9,10 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from ipaddress import ip_address
 from itertools import islice
-from queue import Empty, Queue
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -134,30 +134,26 @@ def _connect(cluster: Cluster) -> Any:
     security = Security(
         tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
     )
-    answer: Queue[Any] = Queue()
+    answer: Future[Any] = Future()
 
     def connect() -> None:
         try:
             secured = security if cluster.ca else None
-            answer.put(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
+            answer.set_result(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
         except Exception as error:
-            answer.put(error)
+            answer.set_exception(error)
 
     # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
     threading.Thread(target=connect, daemon=True).start()
     # A scheduler that answers late is waited for, and that is said; one that says nothing is given up.
-    client: Any = TimeoutError("waited for ten seconds")
-    for seconds in (_SILENT, _PATIENCE - _SILENT):
-        try:
-            client = answer.get(timeout=seconds)
-            break
-        except Empty:
-            if seconds == _SILENT:
-                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
-    if isinstance(client, Exception):
-        text = " ".join(str(client).split()) or type(client).__name__
+    if not wait([answer], _SILENT).done:
+        _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
+        wait([answer], _PATIENCE - _SILENT)
+    error = answer.exception() if answer.done() else TimeoutError("waited for ten seconds")
+    if error:
+        text = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
-    return client
+    return answer.result()
 
 
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
