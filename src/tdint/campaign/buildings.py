@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
@@ -51,15 +52,12 @@ class GivenBuilding:
         Its name in tables, its own.
     made : Subject
         The building.
-    columns : tuple of str
-        The columns of its inventory that are carried along into tables.
     cells : str
-        What stands there, a JSON list of texts.
+        What stands in the columns of its inventory that are carried along into tables, a JSON list of texts.
     """
 
     name: str
     made: Subject
-    columns: tuple[str, ...] = field(default=(), init=False)
     cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
@@ -89,13 +87,11 @@ class GivenBuilding:
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
     """Under their models' names; those that share one, under their files'."""
-    sources: dict[str, set[str]] = {}
-    for subject in subjects:
-        sources.setdefault(subject.model.name, set()).add(subject.model.source)
+    files = Counter(name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects})
     result = []
     for subject in subjects:
         model = subject.model
-        name = model.name if len(sources[model.name]) == 1 else model.source
+        name = model.name if files[model.name] == 1 else model.source
         result.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
     return tuple(result)
 
@@ -174,10 +170,6 @@ class RowBuilding:
     @property
     def varied(self) -> Mapping[str, float]:
         return dict(self.row.changes)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        return self.row.columns
 
     @property
     def cells(self) -> str:
