@@ -177,10 +177,9 @@ class ParameterSweep:
 
 
 _NUMBER = Bounds(ratio=True)
-_DRAWS, _SEED = Whole(1, 100_000), Whole(0, 2**31 - 1)
 _SAMPLES = (
-    Key("samples", _DRAWS, "draws of the random parameters, by a Latin hypercube"),
-    Key("seed", _SEED, "what they are drawn from"),
+    Key("samples", Whole(1, 100_000), "draws of the random parameters, by a Latin hypercube"),
+    Key("seed", Whole(0, 2**31 - 1), "what they are drawn from"),
 )
 _WHAT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 

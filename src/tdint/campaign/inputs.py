@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -386,16 +387,15 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
 
     # What `tdint scale` wrote beside the table, if it is of this one; a table needs no such file.
     beside = Path(file.removesuffix(".gz")).with_suffix(".json")
-    try:
+    scaled = {}
+    with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
         told = json.loads(content := read_at_most(beside, MOST_BYTES, ModelError))
         digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
-        is_of_this = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest
-    except (OSError, ValueError, KeyError, TypeError, ModelError):
-        is_of_this = False
-    if is_of_this:
+        if told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest:
+            scaled = told
+    if scaled:
         note_input(beside, content)
-    factors = {name: tuple(numbers) for name, numbers in by_motion.items()}
-    return FactorTable(file, factors, dict(told) if is_of_this else {})
+    return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
 
 
 def _factor(file: str, line: int, text: str) -> float:
