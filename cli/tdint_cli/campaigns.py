@@ -417,9 +417,9 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
     pages = [file for file in (request.picture(folder), Path(request.report) if request.report else None) if file]
     asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
-    more = [folder / name for name, asked in asked_of.items() if asked] if folder else []
-    check_outputs([*pages, *more], overwrite=replaced)
-    return [*pages, *more]
+    named = pages + ([folder / name for name, asked in asked_of.items() if asked] if folder else [])
+    check_outputs(named, overwrite=replaced)
+    return named
 
 
 def unfinished(store: Store) -> str:
@@ -531,7 +531,15 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
 
     store = profiles.store
     if geojson:
-        check_map(store)
+        from tdint.output.tables.exports import is_mapped
+
+        if not is_mapped(store):
+            raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
+        if not is_complete(store):
+            raise UsageError(
+                f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call "
+                "`tdint campaign` again first"
+            )
     asked = {SIMCENTER: simcenter, GEOJSON: geojson}
     exported = {*PARQUET, *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
@@ -561,19 +569,6 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
         ),
     }
     return {name: writer if can else None for name, (can, writer) in writers.items() if name in names}
-
-
-def check_map(store: Store) -> None:
-    """Raise UsageError where a map has no places, or runs are left."""
-    from tdint.output.tables.exports import is_mapped
-
-    if not is_mapped(store):
-        raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
-    if not is_complete(store):
-        raise UsageError(
-            f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call `tdint "
-            "campaign` again first"
-        )
 
 
 def _write(
