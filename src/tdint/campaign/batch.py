@@ -152,10 +152,6 @@ class StoryRow(NamedTuple):
     values: tuple[float, ...]
     errors: tuple[float, ...] = ()
 
-    def of(self, name: str) -> float:
-        """The value of a quantity."""
-        return self.values[[quantity.name for quantity in STORY].index(name)]
-
 
 @dataclass
 class Rows:
