@@ -60,9 +60,8 @@ NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud), "
     "or is one of tdint ida or tdint campaign"
 )
-_RUNS = ("status", "peak_drift_ratio")
 EVERY_DEMAND = (0.0, math.inf)
-_LEAST_STRIPE = 3  # runs a level has at the least
+_LEAST_STRIPE = 3  # runs that a level has at the least; of types motions
 
 
 @dataclass(frozen=True)
@@ -282,19 +281,17 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
     lost = int(np.sum(~runs.result))
-    warnings = [f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"]
+    left_out = f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"
     if fit == CLOUD:
         # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
         of = runs.result
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
         result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
         of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
-        return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
+        return replace(result, functions=of_cloud, warnings=(left_out,) * (lost > 0))
     functions = [_tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds]
-    warnings[0] += (
-        ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
-    )
-    return FragilityResult.of(functions, *warnings * (lost > 0))
+    leaning = "which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
+    return FragilityResult.of(functions, *(f"{left_out}, {leaning}",) * (lost > 0))
 
 
 @dataclass(frozen=True)
@@ -458,7 +455,7 @@ class _Kind:
 _STRIPES = _Kind(("im", "collapses", "records"), (STRIPES,), _fit_stripes)
 _CAPACITIES = _Kind(("capacity",), (IDA,), _fit_capacities)
 _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
-_OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
+_OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 
 
 # ---- Fragility functions of the types of buildings of a campaign, or of each building, one for each damage state, of
@@ -468,7 +465,6 @@ _OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
 # heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part of beta: stripes count
 # probabilities of exceedance, a cloud sees each run with thresholds so dispersed.
 
-_LEAST_TYPE_STRIPE = 3  # motions a level has at the least
 _SAME_PERIOD = 1e-6  # tables write six digits or more
 _THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
 
@@ -602,7 +598,7 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     # Stripes need motions enough at every level, with the buildings of a type taken together.
     level = levels_of(runs.im)
     of_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # how many motions
-    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_TYPE_STRIPE
+    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_STRIPE
     if request.fit == STRIPES and not stripes:
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)

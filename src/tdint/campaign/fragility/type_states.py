@@ -317,7 +317,7 @@ def _states(
     if request.of_all:
         return request.of_all
     if request.source in (HAZUS, CAPACITY):
-        medians = _HAZUS_OR_CURVE[request.source](facts)
+        medians = curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
         states = DamageStates(request.demand, request.states, medians, request.dispersion or 0.0, request.losses)
     elif name in classes.states:
         states = classes.states[name]
@@ -332,9 +332,6 @@ def _states(
 def _hazus_medians(facts: Any) -> tuple[float, ...]:
     row = hazus_types()[code_of(facts)]
     return row.slight_drift_ratio, row.moderate_drift_ratio, row.extensive_drift_ratio, row.complete_drift_ratio
-
-
-_HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
 
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
