@@ -206,7 +206,6 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 """Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_DAMPING = ("full", "mass-only")
 _LENGTH = Choice(("m", "ft"), "length unit of inventories")
 _UNITS = Keys(
     (Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True, advice="give ft or m"),),
@@ -220,7 +219,9 @@ _BUILDINGS = Keys(
         Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
         Key("as_published", Flag(), "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity"),
         Key("units", _UNITS, "units of the inventory"),
-        Key("damping", Choice(_DAMPING, "damping"), "mass-only leaves out the stiffness-proportional part"),
+        Key(
+            "damping", Choice(("full", "mass-only"), "damping"), "mass-only leaves out the stiffness-proportional part"
+        ),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
         Key("seed", SEED, "what the factors are drawn from"),
@@ -228,7 +229,6 @@ _BUILDINGS = Keys(
     one_of=(("models", "inventory"),),
 )
 
-_OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
 
 
@@ -262,7 +262,6 @@ _ANALYSIS = Keys(
         Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
-_VARY = Varied()
 _TABLES = ("runs", "damage", "losses", "stories", "profiles")
 _OUTPUTS = Keys(
     (
@@ -277,7 +276,7 @@ CAMPAIGN = Keys(
         Key("records", MOTIONS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
-        Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
+        Key("vary", Varied(), "parameters of the buildings, each value with all the others"),
         Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key(
             "outputs",
@@ -432,7 +431,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
         return None
     if ways == ["measure"]:
         return _levels(section)
-    section.refuse(_OF_MEASURES, "belongs to a `measure`")
+    section.refuse(("period", "damping", "levels", "pair"), "belongs to a `measure`")
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
