@@ -214,16 +214,9 @@ class Profiles:
             inputs=files_read(),
             verdict=[(kept, kept_words(kept) + self._told(profile, text)) for profile, text, kept in verdicts],
         )
-        return suite_page(
-            plan,
-            self.store,
-            self.found,
-            told,
-            limit=limit,
-            ratios=self.ratios(stories=False) if request.baseline is not None else None,
-            floors=floors,
-            units=request.output_units or (units.pop() if len(units) == 1 else self.units),
-        )
+        ratios = self.ratios(stories=False) if request.baseline is not None else None
+        shown = request.output_units or (units.pop() if len(units) == 1 else self.units)
+        return suite_page(plan, self.store, self.found, told, limit=limit, ratios=ratios, floors=floors, units=shown)
 
     def _told(self, profile: Profile, text: str) -> str:
         name = _name(profile, self.found)
@@ -262,15 +255,10 @@ class Profiles:
             warn(text)
             return []
         lost = [text for profile in self.found if (text := self._lost(profile))]
-        more = (
-            [
-                f"the same of {how_many(len(lost) - _MOST_TOLD, 'building')} or levels more: the columns collapsed and "
-                f"failed of {PROFILES}"
-            ]
-            if len(lost) > _MOST_TOLD
-            else []
-        )
-        warn(*lost[:_MOST_TOLD], *more)
+        if (more := len(lost) - _MOST_TOLD) > 0:
+            rest = f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of {PROFILES}"
+            lost[_MOST_TOLD:] = [f"the same of {rest}"]
+        warn(*lost)
         if limit is None:
             return []
         self._need("--limit")
@@ -429,9 +417,9 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
     pages = [file for file in (request.picture(folder), Path(request.report) if request.report else None) if file]
     asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
-    more = [folder / name for name, asked in asked_of.items() if asked] if folder else []
-    check_outputs([*pages, *more], overwrite=replaced)
-    return [*pages, *more]
+    named = pages + ([folder / name for name, asked in asked_of.items() if asked] if folder else [])
+    check_outputs(named, overwrite=replaced)
+    return named
 
 
 def unfinished(store: Store) -> str:
@@ -543,7 +531,15 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
 
     store = profiles.store
     if geojson:
-        check_map(store)
+        from tdint.output.tables.exports import is_mapped
+
+        if not is_mapped(store):
+            raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
+        if not is_complete(store):
+            raise UsageError(
+                f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call "
+                "`tdint campaign` again first"
+            )
     asked = {SIMCENTER: simcenter, GEOJSON: geojson}
     exported = {*PARQUET, *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
@@ -564,7 +560,7 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
     runs, stories, damage = PARQUET
     writers: dict[str, tuple[bool, Writer]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
-        stories: (has_pyarrow and _keeps_stories(store), partial(exports.write_stories_parquet, store)),
+        stories: (has_pyarrow and store.parameters()["stories"], partial(exports.write_stories_parquet, store)),
         damage: (has_pyarrow and bool(store.damage()), partial(exports.write_damage_parquet, store)),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
@@ -573,23 +569,6 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
         ),
     }
     return {name: writer if can else None for name, (can, writer) in writers.items() if name in names}
-
-
-def check_map(store: Store) -> None:
-    """Raise UsageError where a map has no places, or runs are left."""
-    from tdint.output.tables.exports import is_mapped
-
-    if not is_mapped(store):
-        raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
-    if not is_complete(store):
-        raise UsageError(
-            f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call `tdint "
-            "campaign` again first"
-        )
-
-
-def _keeps_stories(store: Store) -> bool:
-    return store.meta("setting stories") == "true"
 
 
 def _write(
@@ -609,11 +588,12 @@ def _write(
     if store.writes("runs"):
         files[RUNS] = lambda stream: tables.campaign.write_runs(store, stream, units)
     files |= contents
-    if _keeps_stories(store):
+    settings = store.parameters()
+    if settings["stories"]:
         files[STORIES] = lambda stream: tables.campaign.write_stories(store, stream, units)
     if next(store.shocks(), None) is not None:
         files[SHOCKS] = lambda stream: tables.campaign.write_shocks(store, stream, units)
-    if store.settings().get("profiles") == "true" and is_complete(store):
+    if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
     files |= _damage(store, units, request.by)
     told = campaign_summary(store)

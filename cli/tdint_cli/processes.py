@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 
-Item = TypeVar("Item")
-Outcome = TypeVar("Outcome")
+Result = TypeVar("Result")
 
 _GRACE = 5.0
 """Seconds that a worker has to end before it is killed."""
@@ -41,8 +40,8 @@ class Lost(Exception):
     """The process that had a task ended before it was done."""
 
 
-class Workers(Generic[Item, Outcome]):
-    """Processes that apply a function to items; a context, at whose end none of them is left.
+class Workers(Generic[Result]):
+    """Processes that apply a function to tasks, until they are ended.
 
     Parameters
     ----------
@@ -53,23 +52,20 @@ class Workers(Generic[Item, Outcome]):
         Number of processes.
     """
 
-    def __init__(self, function: Callable[[Item], Outcome], count: int) -> None:
+    def __init__(self, function: Callable[[Task], Result], count: int) -> None:
         self._context: Any = get_context(START_OF_PROCESSES)
         self._function = function
         self._count = count
         self._workers: list[_Worker] = []
 
-    def __enter__(self) -> Workers[Item, Outcome]:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def end(self) -> None:
+        """Leave none of them."""
         for worker in self._workers:
             worker.end()
-        self._workers.clear()
 
-    def outcomes(self, items: Sequence[Item]) -> Iterator[tuple[int, Outcome | Lost]]:
-        """The outcome of each item with its place, in the order in which they come."""
-        waiting = deque(enumerate(items))
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Result | Lost]]:
+        """The outcome of each task with its place, in the order in which they come."""
+        waiting = deque(enumerate(tasks))
         while waiting or any(worker.place is not None for worker in self._workers):
             self._hand_out(waiting)
             busy = [worker for worker in self._workers if worker.place is not None]
@@ -81,7 +77,7 @@ class Workers(Generic[Item, Outcome]):
                 place = worker.place
                 try:
                     succeeded, outcome = worker.pipe.recv()
-                except (EOFError, OSError):  # It has ended, and its item is lost.
+                except (EOFError, OSError):  # It has ended, and its task is lost.
                     self._remove(worker)
                     yield place, Lost()
                     continue
@@ -90,22 +86,19 @@ class Workers(Generic[Item, Outcome]):
                     raise outcome
                 yield place, outcome
 
-    def _hand_out(self, waiting: deque[tuple[int, Item]]) -> None:
-        """Give every process that has nothing to do an item, as long as there are any; start those that are missing."""
+    def _hand_out(self, waiting: deque[tuple[int, Task]]) -> None:
+        """Give every process that has nothing to do a task, as long as there are any; start those that are missing."""
         while waiting:
             idle = next((worker for worker in self._workers if worker.place is None), None)
             if idle is None:
                 if len(self._workers) == self._count:
                     return
                 idle = self._start()
-            place, item = waiting.popleft()
             try:
-                idle.pipe.send(item)
+                idle.pipe.send(waiting[0][1])
+                idle.place, _ = waiting.popleft()
             except OSError:  # It has ended while it had nothing to do.
-                waiting.appendleft((place, item))
                 self._remove(idle)
-            else:
-                idle.place = place
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
@@ -127,7 +120,7 @@ class Workers(Generic[Item, Outcome]):
 
 
 class _Worker:
-    """A process, this side of the pipe to it, and the place of the item that it has; None for nothing."""
+    """A process, this side of the pipe to it, and the place of the task that it has; None for nothing."""
 
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self.process = process
@@ -147,7 +140,7 @@ class _Worker:
 
 
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
-    """Do items until the pipe ends."""
+    """Do tasks until the pipe ends."""
     # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
     signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
     for number in ENDING:
@@ -162,9 +155,6 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
             except Exception as error:
                 answer = False, error
             pipe.send(answer)
-
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -212,14 +202,16 @@ def _outcomes(
         yield outcome
         rest = tasks[done:]
         if jobs > 1 and not isinstance(outcome, TdintError) and len(rest) > 1:
-            yield from _shared(attempt, rest, stack.enter_context(Workers(attempt, min(jobs, len(rest)))))
+            workers = Workers(attempt, min(jobs, len(rest)))
+            stack.callback(workers.end)
+            yield from _shared(attempt, rest, workers)
             return
 
 
 def _shared(
     attempt: Callable[[Task], Result | TdintError],
     tasks: Sequence[Task],
-    workers: Workers[Task, Result | TdintError],
+    workers: Workers[Result | TdintError],
 ) -> Iterator[Result | TdintError]:
     """The outcomes of processes in the order of the tasks; a process that is lost costs its own record only."""
     from_stdin = [place for place, task in enumerate(tasks) if task.source == STDIN]  # Others have no standard input.
@@ -244,14 +236,11 @@ def _shared(
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
     try:
-        return copy_context().run(_unnoted, work, task)
+        # As another process makes it: what it reads is told by its records alone.
+        context = copy_context()
+        context.run(READ.set, None)
+        return context.run(work, task)
     except RecordError as error:
         return error
     except AnalysisError as error:
         return AnalysisError(f"{task.source}: {error}")
-
-
-def _unnoted(work: Callable[[Task], Result], task: Task) -> Result:
-    """The result as another process makes it: what it reads is told by its records alone."""
-    READ.set(None)
-    return work(task)

@@ -17,6 +17,7 @@ from moment4 import reference, table
 from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
 from tdint.analysis.given import model_record
+from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.together import Subject
 from tdint.analysis.run.workspace import choose_steps
@@ -26,6 +27,7 @@ from tdint.methods.catalogue import catalogue, parse
 MODELS = {name: load_model(ROOT / "configs" / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
+PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
 PEAKS = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")
 
 
@@ -115,7 +117,7 @@ def tolerance():
 
     def drifts(building, method, step):
         batch = Batch(0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True))
-        return np.array([row.of("peak_drift") for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
+        return np.array([row.values[PEAK_DRIFT] for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
 
     truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
     print("runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s")

@@ -105,13 +105,13 @@ def test_levels_count_motions_not_runs() -> None:
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
     first, second = rules.levels(small | large)
     assert [len(one) for one in first.stood] == [2, 2, 2, 1, 1]
-    assert first[3:6] == (3, 0, 0) and second[3:6] == (3, 2, 2)
+    assert [(one.pairs, one.collapsed, one.failed) for one in (first, second)] == [(3, 0, 0), (3, 2, 2)]
     assert second.stood == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
-    assert (first.value, second.value) == (0.1, 0.4) and math.isnan(first.scale)
+    assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
     (one,) = SuiteRules({1: 1, 2: 2}, [], False, ("", "")).levels({Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE})
-    assert one.scale == 0.5 and math.isnan(one.value)
+    assert one.scale == 0.5 and math.isnan(one.level)
     ranked = [
-        level.value for level in SuiteRules({1: 1}, [], True, ("", "")).levels({Run(1, s, 0): DONE for s in (3.0, 1.0)})
+        level.level for level in SuiteRules({1: 1}, [], True, ("", "")).levels({Run(1, s, 0): DONE for s in (3.0, 1.0)})
     ]
     assert ranked == [1.0, 2.0]
 

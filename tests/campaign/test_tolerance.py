@@ -7,6 +7,7 @@ import pytest
 
 import tdint
 from tdint.analysis.run.case import Case
+from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.analysis.run.together import Subject
@@ -27,6 +28,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
 
 
 OFFICE = tdint.load_model("configs/ten-story-bilinear.yaml")
+PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
@@ -50,7 +52,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(fine: Rows, method: str, be
     assert step > beyond if beyond else step < 0.01
     coarse = results(subject, RUNS, step)
     drifts, true = (
-        {(row.motion, row.scale, row.story): row.of("peak_drift") for row in rows.stories} for rows in (coarse, fine)
+        {(row.motion, row.scale, row.story): row.values[PEAK_DRIFT] for row in rows.stories} for rows in (coarse, fine)
     )
     assert len(drifts) == 10 * len(RUNS)
     assert max(abs(drifts[key] / true[key] - 1.0) for key in true) < 0.01

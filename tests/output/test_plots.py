@@ -86,7 +86,8 @@ def of_suite(building, stood, fell, height=3.0):
     peaks = {one.name: np.full((stood, 2), 0.03) for one in STORY}
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
-    return Profile(building, 1.0, np.nan, named, 0, fell, 0, np.full(2, height), peaks, {})
+    level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""))
+    return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
 def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
@@ -128,7 +129,8 @@ def test_no_bar_of_a_tornado_hides_behind_another():
 
 def test_all_buildings_of_floors_are_named():
     """Where they have not as many floors, too: not all are in the first panel."""
-    one = FloorSuite("low", 1.0, np.nan, 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)), 2, 0, 0, ("level", ""))
+    level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""))
+    one = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture([one, replace(one, building="tall", floor=5)]).legends
     names = {text.get_text().partition(",")[0] for text in legend.get_texts()}
     assert names == {"low", "tall"}

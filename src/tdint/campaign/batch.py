@@ -153,10 +153,6 @@ class StoryRow(NamedTuple):
     values: tuple[float, ...]
     errors: tuple[float, ...] = ()
 
-    def of(self, name: str) -> float:
-        """The value of a quantity."""
-        return self.values[[quantity.name for quantity in STORY].index(name)]
-
 
 @dataclass
 class Rows:
@@ -366,11 +362,8 @@ class Batch:
                 last = shocks[-1]
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
                 row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors)
-        return Rows(
-            [row._replace(scale=run.scale)],
-            [row_of_shock._replace(scale=run.scale) for row_of_shock in rows.stories],
-            rows.shocks,
-        )
+        stories = [of_story._replace(scale=run.scale) for of_story in rows.stories]
+        return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
 
     def _steps(self, motion: int, largest: float) -> Steps:
         """Steps on a motion as the settings want them, halved or doubled to the largest within `largest`."""
@@ -392,13 +385,8 @@ class Batch:
     def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
         """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
         finer step."""
-        outcomes = run_together(
-            self.subject,
-            self.motions,
-            [(job.run.motion, job.run.scale, job.steps) for job in jobs],
-            check=self.settings.check,
-            to_rest=self.settings.until_rest,
-        )
+        runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
+        outcomes = run_together(self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest)
         again = []
         for i, failure in outcomes.failures.items():
             job = jobs[i]
@@ -424,7 +412,7 @@ class Batch:
             if check:
                 row = row._replace(errors=demand_errors(peaks, check.errors))
             results.runs.append(row)
-            if self.settings.keeps_stories:
+            if settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, check)
         return again
 

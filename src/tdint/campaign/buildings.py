@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
@@ -18,7 +19,7 @@ from tdint.units import SI, OutputUnits
 
 def output_units(buildings: Buildings) -> OutputUnits:
     """The units in which all of their models want results; SI where they do not agree."""
-    units = {building.output_units for building in different(buildings)}
+    units = {model.output_units for model in models_of(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
@@ -51,15 +52,12 @@ class GivenBuilding:
         Its name in tables, its own.
     made : Subject
         The building.
-    columns : tuple of str
-        The columns of its inventory that are carried along into tables.
     cells : str
-        What stands there, a JSON list of texts.
+        What stands in the columns of its inventory that are carried along into tables, a JSON list of texts.
     """
 
     name: str
     made: Subject
-    columns: tuple[str, ...] = field(default=(), init=False)
     cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
@@ -82,30 +80,18 @@ class GivenBuilding:
         return digest_of(self.made.model, self.method)
 
     @property
-    def wishes(self) -> tuple[float | None, float | None]:
-        """The time step and the duration that its model asks for, s."""
-        return self.made.model.analysis.dt, self.made.model.analysis.duration
-
-    @property
     def varied(self) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
         return dict(self.made.model.varied)
 
-    @property
-    def output_units(self) -> OutputUnits:
-        """The units in which its model wants results."""
-        return self.made.model.output_units
-
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
     """Under their models' names; those that share one, under their files'."""
-    sources: dict[str, set[str]] = {}
-    for subject in subjects:
-        sources.setdefault(subject.model.name, set()).add(subject.model.source)
+    files = Counter(name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects})
     result = []
     for subject in subjects:
         model = subject.model
-        name = model.name if len(sources[model.name]) == 1 else model.source
+        name = model.name if files[model.name] == 1 else model.source
         result.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
     return tuple(result)
 
@@ -182,20 +168,8 @@ class RowBuilding:
         return hashlib.sha256(repr(contents).encode()).hexdigest()
 
     @property
-    def wishes(self) -> tuple[float | None, float | None]:
-        return None, None
-
-    @property
     def varied(self) -> Mapping[str, float]:
         return dict(self.row.changes)
-
-    @property
-    def output_units(self) -> OutputUnits:
-        return SI
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        return self.row.columns
 
     @property
     def cells(self) -> str:
@@ -231,7 +205,7 @@ Buildings = Sequence[GivenBuilding] | RowBuildings
 
 
 def different(buildings: Buildings) -> Sequence[GivenBuilding | RowBuilding]:
-    """Those that may differ in their methods, units and wishes: of an inventory the first stands for all."""
+    """Those that may differ in their methods: of an inventory the first stands for all."""
     return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
 
 

@@ -15,24 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from tdint.analysis.run.workspace import kernels
+from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, do, spectral_accelerations
 from tdint.campaign.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_existing, open_store
-from tdint.campaign.store_schema import (
-    ROW_TABLES,
-    TABLES,
-    check_store,
-    connect,
-    connect_to_read,
-    damaged_chunks,
-    in_words,
-    locked,
-    refuse_network,
-    transaction,
-)
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
@@ -113,11 +102,9 @@ def carry_out(
     OutputError
         The store cannot be written.
     """
-    began = time.perf_counter()
     # Chunks that are kept from a call before count as done.
     numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
-    ready = store.done()
-    left = [number for number in numbers if number not in ready]
+    left = sorted(set(numbers) - store.done())
     before = sum(plan.size(number) for number in numbers) - sum(plan.size(number) for number in left)
     # The chunk in which the limit is reached is done to its end: a part of one is never kept.
     if max_runs is not None:
@@ -129,7 +116,7 @@ def carry_out(
     # Compiling takes its time once and is no part of the time for a run that is told.
     if left:
         compile_for(plan)
-        began = time.perf_counter()
+    began = time.perf_counter()
     # Kept at once: whatever ends the process, what is done stays.
     for done in engine(plan, left):
         store.add(done)
@@ -256,8 +243,8 @@ def campaign(
     with ExitStack() as stack:
         # One process writes into a folder; on a network disk that could not be held to.
         if folder is not None:
-            refuse_network(Path(folder))
-            stack.enter_context(locked(Path(folder)))
+            schema.refuse_network(Path(folder))
+            stack.enter_context(schema.locked(Path(folder)))
         store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
         engine = threads(processors() if jobs is None else jobs)
         # An interrupt loses the chunks under way; the others are kept, and given if that is wished.
@@ -271,7 +258,7 @@ def campaign(
 
 
 _OF_BUILDINGS = ("buildings", "inventory", "building_types")
-_ROWS = {**{table.name: -1 for table in ROW_TABLES}, "chunks": 0}
+_ROWS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
 """Tables, and where in their rows the number of the chunk stands."""
 
 _log = logging.getLogger(__name__)
@@ -308,13 +295,12 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     if (left := _told_left(merged)) and not partial:
         raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
     name = str(target / FILE)
-    with ExitStack() as failed:
-        with in_words(name):
-            store = Store(connect(name), name)
-            # The store is closed if anything below fails.
-            failed.callback(store.connection.close)
+    with schema.in_words(name):
+        store = Store(schema.connect(name), name)
+    with schema.closed_on_failure(store.connection):
+        with schema.in_words(name):
             if not is_empty(store):
-                check_store(store.connection, name)
+                schema.check_store(store.connection, name)
                 _check_same(merged[-1], parts[0])
             _take_buildings(parts, store)
         # Chunks that are damaged stay out, of the target and of the sources, and are told.
@@ -322,9 +308,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             _tell(replace(merged[-1], name=name, damaged=healed))
         for part in parts:
             _tell(part)
-            with _reopened(part) as source, in_words(name):
+            with _reopened(part) as source, schema.in_words(name):
                 _take_chunks(source, store, set(part.chunks))
-        failed.pop_all()  # whoever asked closes it
     return store
 
 
@@ -342,8 +327,8 @@ class _Part:
 
 
 def _part(folder: Path, store: Store) -> _Part:
-    with in_words(store.name):
-        damaged = damaged_chunks(store.connection)
+    with schema.in_words(store.name):
+        damaged = schema.damaged_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
         about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}
         runs = int(store.meta("runs"))
@@ -354,7 +339,7 @@ def _part(folder: Path, store: Store) -> _Part:
 
 def _reopened(part: _Part) -> Store:
     """The store of a part, which was looked at before."""
-    return Store(connect_to_read(part.folder / FILE), part.name)
+    return Store(schema.connect_to_read(part.folder / FILE), part.name)
 
 
 def _check_same(part: _Part, other: _Part) -> None:
@@ -401,9 +386,9 @@ def _copy(source: Store, target: Store, table: str, accept: Callable[[Any], bool
 
 def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
     """Take what the campaign is, the first time, and the buildings of all parts: all of it or nothing."""
-    with transaction(target.connection, target.name):
+    with schema.transaction(target.connection, target.name):
         begins = is_empty(target)
-        for statement in TABLES if begins else ():
+        for statement in schema.TABLES if begins else ():
             target.connection.execute(statement)
         for number, part in enumerate(parts):
             with _reopened(part) as source:
@@ -419,6 +404,6 @@ def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
 def _take_chunks(source: Store, target: Store, sound: set[int]) -> None:
     """Take the chunks that a source has alone: of one that both have, the rows are not mixed."""
     new = sound - target.done()
-    with transaction(target.connection, target.name):
+    with schema.transaction(target.connection, target.name):
         for table, place in _ROWS.items():
             _copy(source, target, table, lambda row, place=place: row[place] in new)  # type: ignore[misc]

@@ -9,14 +9,16 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, wait
+from contextlib import suppress
 from ipaddress import ip_address
-from queue import Empty, Queue
+from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
 from tdint.campaign.batch import Chunk, Done, do
 from tdint.data import dataclass
-from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin
 from tdint.model.plugins import files_received, files_to_send
@@ -75,22 +77,12 @@ class Cluster:
 
 
 def _parts(address: str) -> Any:
-    # A port that is no number shows only when it is asked for.
-    try:
+    with suppress(ValueError):  # a port that is no number shows only when it is asked for
         parts = urlsplit(address)
-        port = parts.port
-    except ValueError:
-        parts, port = None, None
-    if (
-        parts is None
-        or parts.scheme not in ("tcp", "tls")
-        or not parts.hostname
-        or not port
-        or f"{parts.scheme}://{parts.netloc}".lower() != address.lower()
-        or "@" in parts.netloc
-    ):
-        raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
-    return parts
+        is_bare = f"{parts.scheme}://{parts.netloc}".lower() == address.lower() and "@" not in parts.netloc
+        if is_bare and parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
+            return parts
+    raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
 
 
 def is_loopback(host: str) -> bool:
@@ -142,30 +134,26 @@ def _connect(cluster: Cluster) -> Any:
     security = Security(
         tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
     )
-    answer: Queue[Any] = Queue()
+    answer: Future[Any] = Future()
 
     def connect() -> None:
         try:
             secured = security if cluster.ca else None
-            answer.put(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
+            answer.set_result(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
         except Exception as error:
-            answer.put(error)
+            answer.set_exception(error)
 
     # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
     threading.Thread(target=connect, daemon=True).start()
     # A scheduler that answers late is waited for, and that is said; one that says nothing is given up.
-    client: Any = TimeoutError("waited for ten seconds")
-    for seconds in (_SILENT, _PATIENCE - _SILENT):
-        try:
-            client = answer.get(timeout=seconds)
-            break
-        except Empty:
-            if seconds == _SILENT:
-                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
-    if isinstance(client, Exception):
-        text = " ".join(str(client).split()) or type(client).__name__
+    if not wait([answer], _SILENT).done:
+        _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
+        wait([answer], _PATIENCE - _SILENT)
+    error = answer.exception() if answer.done() else TimeoutError("waited for ten seconds")
+    if error:
+        text = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
-    return client
+    return answer.result()
 
 
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
@@ -174,33 +162,24 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
     # Workers may lack the user's own methods: their files travel with every chunk.
     plugins = files_to_send()
     running = as_completed(loop=client.loop)
-    under_way = 0
 
-    # Some chunks more than there are threads, so that no worker waits; workers may come and go.
-    def width() -> int:
+    # Some chunks more than there are threads, so that no worker waits; workers may come and go. Chunks are made as they
+    # are sent: all of them at once would fill the memory.
+    def go_on(under_way: int) -> int:
         threads: dict[str, int] = client.nthreads()
-        return _AHEAD * max(1, sum(threads.values()))
+        width = _AHEAD * max(1, sum(threads.values()))
+        for number in islice(numbers, max(0, width - under_way)):
+            running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
+            under_way += 1
+        return under_way
 
-    def go_on() -> int:
-        number = next(numbers, None)
-        if number is None:
-            return 0
-        running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
-        return 1
-
-    # Chunks are made as they are sent: all of them at once would fill the memory.
-    while under_way < width() and go_on():
-        under_way += 1
+    under_way = go_on(0)
     for future in running:
         try:
             done: Done = future.result()
         except KilledWorker as error:
             raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
-        except TdintError:
-            raise
         # The scheduler forgets a result that is here.
         future.release()
         yield done
-        under_way -= 1
-        while under_way < width() and go_on():
-            under_way += 1
+        under_way = go_on(under_way - 1)

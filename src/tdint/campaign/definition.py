@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.definition import PARAMETERS, Model, check_parameter, check_value
-from tdint.model.keys.fields import ANY, POSITIVE, Bounds, Key, Keys, Schema, Value, Whole
+from tdint.model.keys.fields import ANY, Bounds, Key, Keys, Schema, Value, Whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -176,15 +177,32 @@ class ParameterSweep:
 
 
 _NUMBER = Bounds(ratio=True)
-_DRAWS, _SEED = Whole(1, 100_000), Whole(0, 2**31 - 1)
 _SAMPLES = (
-    Key("samples", _DRAWS, "draws of the random parameters, by a Latin hypercube"),
-    Key("seed", _SEED, "what they are drawn from"),
+    Key("samples", Whole(1, 100_000), "draws of the random parameters, by a Latin hypercube"),
+    Key("seed", Whole(0, 2**31 - 1), "what they are drawn from"),
 )
-_RANDOM = {
-    kind: Keys(tuple(Key(name, _NUMBER, needed=True) for name in numbers)) for kind, numbers in DISTRIBUTIONS.items()
-}
 _WHAT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
+
+
+def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | None:
+    """What its numbers may be together the distribution knows itself."""
+    try:
+        return Distribution(kind, *numbers.values())
+    except UsageError as error:
+        value.fault(str(error))
+        return None
+
+
+_RANDOM = Keys(
+    tuple(
+        Key(kind, Keys(tuple(Key(name, _NUMBER, needed=True) for name in two), make=partial(_distribution, kind=kind)))
+        for kind, two in DISTRIBUTIONS.items()
+    ),
+    # Exactly one kind, so that none is silently taken before another.
+    ways=tuple((kind,) for kind in DISTRIBUTIONS),
+    what=_WHAT,
+    make=lambda _, **kinds: next(filter(None, kinds.values())),
+)
 
 
 @dataclass(frozen=True)
@@ -194,8 +212,7 @@ class Varied:
     def schema(self) -> Schema:
         """The JSON schema; numbers of stories are named as `Model.replace` has them."""
         values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
-        random = {"type": "object", "properties": {kind: keys.schema() for kind, keys in _RANDOM.items()}}
-        either = {"anyOf": [values, random | {"additionalProperties": False, "minProperties": 1, "maxProperties": 1}]}
+        either = {"anyOf": [values, _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}]}
         named = {name: {"description": meaning, **either} for name, meaning in PARAMETERS.items()}
         pattern = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": either}
         return {
@@ -206,24 +223,18 @@ class Varied:
         }
 
 
-def positive(value: Value) -> float | None:
-    """A positive number; None after a fault."""
-    number = value.number(POSITIVE)
-    return None if math.isnan(number) else number
-
-
-def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> ParameterSweep | None:
+def read_sweep(
+    vary: Value | None, methods: Value | None, steps: Value | None, *, models: bool
+) -> ParameterSweep | None:
     """The sweep of a campaign; None without any. Faults are noted.
 
     Parameters
     ----------
-    vary, analysis : Value or None
-        The values of these keys.
+    vary, methods, steps : Value or None
+        The values of these keys, lists of methods and time steps.
     models : bool
         Whether the buildings are model files.
     """
-    methods, dt = (analysis.peek(name) if analysis else None for name in ("methods", "dt"))
-    steps = dt if dt and dt.is_list else None
     for value in (methods, steps):
         if value and not models:
             value.fault("lists of methods and steps are of `models`; an inventory has one of each")
@@ -231,12 +242,11 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> P
     if not (vary or methods or steps):
         return None
     texts = (methods.items("a list of methods", "is empty; give at least one method") if methods else None) or ()
-    numbers = (steps.items("a list of steps", "is empty; give at least one step") if steps else None) or ()
     return replace(
         (_read_vary(vary) if vary else None) or ParameterSweep(),
         place=vary.place if vary else None,
         methods=tuple(method.label for method in dict.fromkeys(item.parsed(parse_method) for item in texts) if method),
-        steps=tuple(dict.fromkeys(number for item in numbers if (number := positive(item)))),
+        steps=tuple(dict.fromkeys((steps.read() if steps else None) or ())),
     )
 
 
@@ -246,7 +256,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     random: dict[str, Distribution] = {}
     names = value.names
     # Names are not declared: any number of a model's stories may be one.
-    section = value.section([key.name for key in _SAMPLES] + names)
+    section = value.section(Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed")))))
     if section is None:
         return None
     for name in names:
@@ -260,19 +270,17 @@ def _read_vary(value: Value) -> ParameterSweep | None:
             entry.fault(str(error))
             continue
         if entry.is_mapping:
-            if drawn := _distribution(entry):
+            if drawn := replace(entry, kind=_RANDOM).read():
                 random[name] = drawn
         else:
             grids[name] = _values(entry, name)
     # Samples without something random, or the other way round, are an oversight.
-    counted, seeded = section.get("samples"), section.get("seed")
-    samples = counted.whole(_DRAWS) if counted else None
-    seed = seeded.whole(_SEED) if seeded else 0
+    counted = section.get("samples")
     if random and not counted:
         value.fault("random parameters need `samples`: how many are drawn")
     if counted and not random:
         counted.fault("has nothing to act on without a random parameter")
-    return ParameterSweep(grids, random, samples or 0, seed or 0)
+    return ParameterSweep(grids, random, section.read("samples") or 0, section.read("seed") or 0)
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:
@@ -287,30 +295,6 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
         except UsageError as error:
             item.fault(str(error))
     return tuple(numbers)
-
-
-def _distribution(entry: Value) -> Distribution | None:
-    section = entry.section(list(DISTRIBUTIONS))
-    # Exactly one kind, so that none is silently taken before another.
-    kinds = [kind for kind in DISTRIBUTIONS if section and section.has(kind)]
-    if section is None or len(kinds) != 1:
-        if section is not None:
-            entry.fault(f"must be {_WHAT}")
-        return None
-    inner = section.get(kinds[0])
-    names = DISTRIBUTIONS[kinds[0]]
-    numbers = inner.section(names) if inner else None
-    if numbers is None or inner is None:
-        return None
-    first, second = (numbers.number(name, _NUMBER) for name in names)
-    if math.isnan(first) or math.isnan(second):
-        return None
-    # What its numbers may be together the distribution knows itself.
-    try:
-        return Distribution(kinds[0], first, second)
-    except UsageError as error:
-        inner.fault(str(error))
-        return None
 
 
 # ---- Definition

@@ -5,27 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
+from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
-from tdint.campaign.ida_curve import (
-    DamagedState,
-    IdaCurve,
-    IdaRun,
-    LevelSearch,
-    Mainshock,
-    damaged,
-    damages_of,
-    run_level,
-)
+from tdint.campaign.ida_curve import DamagedState, IdaCurve, IdaRun, LevelSearch, Mainshock, damaged
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, SpectralIntensity, factor_to, sa
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
@@ -237,11 +229,10 @@ def ida(
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     # A work is a record after a state of the building: its levels follow from its own runs alone.
+    ordered = [(*part, before) for state in states for part, before in zip(parts, state, strict=True)]
     works = [
         _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
-        for number, ((motion, record), before) in enumerate(
-            (part, curve) for state in states for part, curve in zip(parts, state, strict=True)
-        )
+        for number, (motion, record, before) in enumerate(ordered)
     ]
     paired = pair if len(parts) > len(suite) else None
     # What the runs depend on is kept with them: another study in the folder is refused.
@@ -249,25 +240,15 @@ def ida(
     with _opened(folder, identity) as (store, remarks), told_progress(progress, len(works), "record") as told:
         runs_of_works, resumed = _done(works, store, jobs, told)
     collapse_drift = subject.model.collapse_drift
-    befores = [before for state in states for before in state]
     # Curves in the order of the works: all records of a state, then those of the next.
     curves = [
         IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
-        for record, runs, before in zip(records * len(states), runs_of_works, befores, strict=True)
+        for (_, record, before), runs in zip(ordered, runs_of_works, strict=True)
     ]
     # Collapse is the last of the thresholds, whatever others are asked for.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
-    return IdaStudy(
-        subject.model,
-        chosen,
-        subject.integrator.label,
-        thresholds,
-        tuple(curves),
-        paired,
-        resumed,
-        tuple(remarks),
-        settings.check,
-    )
+    of = subject.model, chosen, subject.integrator.label, thresholds
+    return IdaStudy(*of, tuple(curves), paired, resumed, tuple(remarks), settings.check)
 
 
 STORE = "ida.sqlite"
@@ -275,13 +256,10 @@ STORE = "ida.sqlite"
 
 
 @contextmanager
-def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store | None, list[str]]]:
-    """The store of a study in a folder that nobody else writes, and what to say of it; none without a folder."""
-    if folder is None:
-        yield None, []
-        return
-    with locked(folder):
-        store, remarks = open_or_begin(folder / STORE, identity, log=False)
+def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
+    """The store of a study in a folder that nobody else writes, and what to say of it; in memory without a folder."""
+    with locked(folder) if folder else nullcontext():
+        store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
         with store:
             yield store, remarks
 
@@ -331,11 +309,15 @@ class _Work:
         return cls(number, batch, measure, intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
-        """Do all runs of the record."""
+        """Do all runs of the record; one that has no result is repeated with half the step. FailedRun where the step is
+        beyond the method's limit."""
         began, rows = time.thread_time(), Rows()
 
         def run(scale: float) -> RunRow:
-            row = run_level(self.batch, Run(self.number, scale))
+            (row,) = self.batch.results([Run(self.number, scale)]).runs
+            if row.status == UNSTABLE:  # No level mends that; said as a single run says it.
+                case, settings = self.batch.subject.case(self.record), self.batch.settings
+                case.march(case.steps(settings.dt, settings.duration))
             rows.runs.append(row)
             return row
 
@@ -359,20 +341,19 @@ class _Work:
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _done(works: Sequence[_Work], store: Store | None, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
+def _done(works: Sequence[_Work], store: Store, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
     """The runs of all records, and how many records were done before; the others are shared by threads."""
     results: dict[int, RecordRuns] = {}
-    for number in sorted(store.done()) if store else ():
-        if store and (runs := works[number].kept(store.runs_of(number))):
+    for number in sorted(store.done()):
+        if runs := works[number].kept(store.runs_of(number)):
             results[number] = runs
-        elif store:  # of a version with other levels
+        else:  # of a version with other levels
             store.remove({number})
     resumed = len(results)
     progress(resumed, len(works))
     for done, runs in on_threads(_Work.done, [work for work in works if work.number not in results], max(1, jobs)):
         results[done.number] = runs
-        if store:
-            store.add(done)
+        store.add(done)
         progress(len(results), len(works))
     return [results[work.number] for work in works], resumed
 
@@ -408,11 +389,20 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
-    """For each state of the building what each record comes after; nothing, first."""
-    drift = subject.model.collapse_drift
+    """For each state of the building what each record comes after: nothing first, then what damages it to some drifts.
+
+    Raises
+    ------
+    UsageError
+        A drift is none, or that of a collapse.
+    """
+    drift, damages = subject.model.collapse_drift, sorted(set(mainshock.damages if mainshock else ()))
+    for damage in damages:
+        if not 0.0 < damage < drift:
+            raise UsageError(f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {drift:g}")
     by_key: dict[tuple[str, float], DamagedState] = {}
     states: list[list[DamagedState | None]] = [[None] * len(records)]
-    for damage in damages_of(mainshock, drift)[1:]:
+    for damage in damages:
         state: list[DamagedState | None] = []
         for record in records:
             assert mainshock is not None
@@ -450,19 +440,12 @@ def _identity(
     """What the runs depend on."""
     # Other measures have neither periods nor a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None
-    about = {
+    about = {name.replace("_", " "): value for name, value in asdict(settings).items()} | {
         "study": "ida",
         "measure": measure.name,
         "periods": list(spectral.periods) if spectral else [],
         "damping": spectral.damping if spectral else None,
-        "dt": settings.dt,
-        "duration": settings.duration,
-        "until rest": settings.until_rest,
-        "check": settings.check,
-        "precision": settings.precision,
-        "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds or ()),
-        "max im": settings.max_im,
         "pairs": paired,
     }
     name, count = subject.model.name, len(records)

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
-from tdint.analysis.run.outcome import UNSTABLE, FailedRun
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.analysis.run.together import Subject
 from tdint.arrays import Array, cached_property
-from tdint.campaign.batch import Batch, Run, RunRow
+from tdint.campaign.batch import RunRow
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
@@ -89,21 +89,6 @@ class IdaRun:
     def collapsed(self) -> bool:
         """Whether the building collapsed, by its own motion; every other status but `done` says nothing of it."""
         return self.status in FALLEN
-
-
-def run_level(batch: Batch, run: Run) -> RunRow:
-    """Run a motion of a batch times a factor; a run that has no result is repeated with half the step.
-
-    Raises
-    ------
-    FailedRun
-        The step is beyond the method's limit.
-    """
-    (row,) = batch.results([run]).runs
-    if row.status == UNSTABLE:  # No level mends that; said as a single run says it.
-        case = batch.subject.case(batch.motions.records[run.motion])
-        case.march(case.steps(batch.settings.dt, batch.settings.duration))
-    return row
 
 
 _HUNT = 1.5
@@ -201,11 +186,6 @@ def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
     return (run for run in sorted(runs, key=lambda run: run.im) if run.stable and run.im < limit)
 
 
-def last_stable(runs: Sequence[IdaRun]) -> IdaRun | None:
-    """The highest level below the first collapse at which the building stands."""
-    return max(below_collapse(runs), key=lambda run: run.im, default=None)
-
-
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     """A level between two neighbours that was not tried without a result."""
     tried = [run.im for run in runs if low < run.im < high]
@@ -276,8 +256,7 @@ class IdaCurve:
     @cached_property
     def collapse(self) -> Capacity:
         """The capacity against collapse: the geometric mean of the last level that stands and the first that falls."""
-        low, high = last_stable(self.runs), first_collapse(self.runs)
-        lower = math.nan if low is None else low.im
+        lower, high = self.stable[-1].im if self.stable else math.nan, first_collapse(self.runs)
         if high is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
         return Capacity(self.collapse_drift, math.sqrt(lower * high.im), lower, high.im, censored=False)
@@ -454,20 +433,3 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
     (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
     return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
-
-
-def damages_of(mainshock: Mainshock | None, collapse_drift: float) -> Sequence[float]:
-    """The states of a study: intact, and damaged to some drifts.
-
-    Raises
-    ------
-    UsageError
-        A drift is none, or that of a collapse.
-    """
-    damages = mainshock.damages if mainshock else ()
-    for damage in damages:
-        if not 0.0 < damage < collapse_drift:
-            raise UsageError(
-                f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {collapse_drift:g}"
-            )
-    return (0.0, *sorted(set(damages)))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,14 +112,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
             models = sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
-    if isinstance(campaign.records, GridFile):
-        motions = read_grid(campaign.records)
-    elif isinstance(campaign.records, FieldFile):
-        motions = read_field(campaign.records)
-    elif isinstance(campaign.records, SequenceFile):
-        motions = read_sequences(campaign.records)
-    else:
-        motions = read_motions(campaign.records)
+    motions = _READERS[type(campaign.records)](campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     # What is too far from any site is left out before a sweep multiplies it.
     far: tuple[ModelFault, ...] = ()
@@ -130,16 +124,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.told_at_its_place():
         rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
-    return Inputs(
-        models,
-        rows,
-        motions,
-        _assignment(campaign, motions.places, rows, len(models)),
-        factors,
-        read_class_damage(campaign.damage),
-        faults,
-        far,
-    )
+    assignment, damage = _assignment(campaign, motions.places, rows, len(models)), read_class_damage(campaign.damage)
+    return Inputs(models, rows, motions, assignment, factors, damage, faults, far)
 
 
 def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
@@ -273,8 +259,7 @@ def _assignment(
     if motions is None or not isinstance(records, GridFile | FieldFile):
         return None
     if isinstance(motions, GridMotions):
-        assert isinstance(records, GridFile)
-        assert rows is not None
+        assert isinstance(records, GridFile) and rows is not None
         return GridDraws(rows, motions, records)
     # Events without sites act on all buildings alike.
     if motions.sites == ("",):
@@ -324,12 +309,12 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     # Columns that are left out say nothing: all components, the factor 1, the file's own units.
-    components = table.texts("component") if table.has("component") else [""] * len(table.rows)
-    factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
-    units = table.texts("units") if table.has("units") else [""] * len(table.rows)
+    told = [
+        table.texts(name) if table.has(name) else [""] * len(table.rows) for name in ("component", "factor", "units")
+    ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     shocks: dict[str, list[_Shock]] = {}
-    for name, record, component, (line, text), unit in zip(names, records, components, factors, units, strict=True):
+    for name, record, component, text, unit, (line, _) in zip(names, records, *told, table.rows, strict=True):
         file = resolve(record, Path(sequences.file).parent)
         factor = _factor(sequences.file, line, text or "1")
         shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
@@ -343,6 +328,10 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
     return FoundMotions(tuple(motions), tuple(failures), tuple(notes))
+
+
+_READERS: dict[type, Callable[[Any], FoundMotions]]
+_READERS = {GridFile: read_grid, FieldFile: read_field, SequenceFile: read_sequences, RecordFiles: read_motions}
 
 
 class _Shock(NamedTuple):
@@ -398,16 +387,15 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
 
     # What `tdint scale` wrote beside the table, if it is of this one; a table needs no such file.
     beside = Path(file.removesuffix(".gz")).with_suffix(".json")
-    try:
+    scaled = {}
+    with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
         told = json.loads(content := read_at_most(beside, MOST_BYTES, ModelError))
         digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
-        is_of_this = told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest
-    except (OSError, ValueError, KeyError, TypeError, ModelError):
-        is_of_this = False
-    if is_of_this:
+        if told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest:
+            scaled = told
+    if scaled:
         note_input(beside, content)
-    factors = {name: tuple(numbers) for name, numbers in by_motion.items()}
-    return FactorTable(file, factors, dict(told) if is_of_this else {})
+    return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
 
 
 def _factor(file: str, line: int, text: str) -> float:

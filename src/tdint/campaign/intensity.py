@@ -99,12 +99,8 @@ class MotionIntensity:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
         # Each direction has a record of its own: half a turn, for the other half differs in sign alone.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
-        values = [
-            value(
-                Record(math.cos(a) * first.acceleration + math.sin(a) * second.acceleration, first.dt, "", "", "", "")
-            )
-            for a in angles.tolist()
-        ]
+        x, y, dt = first.acceleration, second.acceleration, first.dt
+        values = [value(Record(math.cos(a) * x + math.sin(a) * y, dt, "", "", "", "")) for a in angles.tolist()]
         return _positive(float(np.percentile(values, percentile)), self.name, motion)
 
 

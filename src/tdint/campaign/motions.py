@@ -86,9 +86,8 @@ class FieldMotions:
         site, event, record, value = rows
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
-        return cls(
-            tuple(events), tuple(sites), start, event[order], record[order], value[order], tuple(motions), places
-        )
+        in_order = event[order], record[order], value[order]
+        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
 
     def draws(self, site: int) -> list[Draw]:
         """The motions at a site; the number of a draw is that of its event."""
@@ -254,14 +253,14 @@ class GridDraws:
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """The points near a building, and how likely each is: by 1 / distance^2."""
-        count = min(self.wanted.neighbors, len(self._points))
+        count = min(self.wanted.neighbors, self._tree.n)
         distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
         at = distances == 0.0
         weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        grid_file, grid = self.wanted, repr((self._points.tolist(), self.grid.motions))
+        grid_file, grid = self.wanted, repr((self._tree.data.tolist(), self.grid.motions))
         numbers = {"neighbors": grid_file.neighbors, "samples": grid_file.samples, "draw_seed": grid_file.seed}
         return {**numbers, "distance": grid_file.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
 
@@ -270,12 +269,8 @@ class GridDraws:
         return coordinates(self.rows.places, self.wanted.distance)
 
     @cached_property
-    def _points(self) -> Array:
-        return coordinates(self.grid.places, self.wanted.distance)
-
-    @cached_property
     def _tree(self) -> Any:
-        return cKDTree(self._points)
+        return cKDTree(coordinates(self.grid.places, self.wanted.distance))
 
 
 Assignment = EveryMotion | FieldDraws | GridDraws

@@ -20,14 +20,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.together import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
-from tdint.campaign.buildings import (
-    Buildings,
-    RowBuildings,
-    Rules,
-    different,
-    given_buildings,
-    models_of,
-)
+from tdint.campaign.buildings import Buildings, RowBuildings, Rules, given_buildings, models_of
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
@@ -173,7 +166,7 @@ class Plan:
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
-        analyses = {building.wishes for building in different(self.buildings)}
+        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {(None, None)}
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
                 record = motion.record
@@ -260,13 +253,11 @@ class Plan:
             for motion in dict.fromkeys(draw.motion for draw in of_building):
                 users.setdefault(motion, []).append(place)
         periods = [source.subject().period if self.levels.by_period else math.nan for source in sources]
-        return {
-            (place, motion): values
-            for motion, places in users.items()
-            for place, values in zip(
-                places, self.levels.factors(motion, [periods[place] for place in places]), strict=True
-            )
-        }
+        factors: dict[tuple[int, int], tuple[float, ...]] = {}
+        for motion, places in users.items():
+            of_places = self.levels.factors(motion, [periods[place] for place in places])
+            factors |= {(place, motion): values for place, values in zip(places, of_places, strict=True)}
+        return factors
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
@@ -289,7 +280,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     else:
         assert inputs.factors is not None
         levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
-    ends = [campaign.settings.duration or building.wishes[1] for building in different(buildings)]
+    duration = campaign.settings.duration
+    ends = [duration or model.analysis.duration for model in inputs.models] or [duration]
     notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
     # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
@@ -327,15 +319,9 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         with (campaign.sweep or ParameterSweep()).told_at_its_place():
             if analysis.method is None:
                 notes.append(f"no method is named, {DEFAULT_METHOD} is used")
-            rules = Rules(
-                name=inventory.rules,
-                stiffness=inventory.stiffness_scatter,
-                damping=inventory.damping_scatter,
-                seed=inventory.seed,
-                method=analysis.method or DEFAULT_METHOD,
-                collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
-                p_delta=bool(analysis.p_delta),
-            )
+            scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
+            same = analysis.method or DEFAULT_METHOD, analysis.collapse_drift or _COLLAPSE_DRIFT, bool(analysis.p_delta)
+            rules = Rules(inventory.rules, *scatter, *same)
             assert inputs.rows is not None
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:

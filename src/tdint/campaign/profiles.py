@@ -70,45 +70,33 @@ def _may_add(rising: Callable[[Array], Array], values: Array, errors: Array) -> 
 
 
 @dataclass(frozen=True)
-class Profile:
-    """A building under a suite at one level of intensity.
+class SuiteLevel:
+    """A building under a suite at one level of intensity: what became of it.
 
     Attributes
     ----------
-    building : str
-        Its name.
     scale : float
         The factor on all motions; nan where each has its own.
     level : float
         The value of the intensity measure, SI units, or where motions have several factors of their own the number of
         the factor, from 1; nan where the scale says all.
-    motions : tuple of str
-        Those that came to their end.
+    stood : list of list of Run
+        The runs of each motion that came to its end, two of a pair.
     pairs : int
         How many of the motions, whatever became of them, are pairs of components.
     collapsed, failed : int
         Motions under which the building collapsed, and whose run has no result.
-    height : ndarray, shape (n,)
-        Story heights, m; nan where there is none.
-    peaks : mapping of str to ndarray, shape (motions, n)
-        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
-    peak_errors : mapping of str to ndarray, shape (motions, n)
-        Their estimated errors, nan where there is none; empty where they were not asked for.
     measure : tuple of str
         What the level is a value of, and its unit.
     """
 
-    building: str
     scale: float
     level: float
-    motions: tuple[str, ...]
+    stood: list[list[Run]]
     pairs: int
     collapsed: int
     failed: int
-    height: Array
-    peaks: Mapping[str, Array]
-    peak_errors: Mapping[str, Array]
-    measure: tuple[str, str] = _RANK
+    measure: tuple[str, str]
 
     @property
     def level_text(self) -> str:
@@ -118,7 +106,32 @@ class Profile:
     @property
     def runs(self) -> int:
         """How many motions there were; a pair is one."""
-        return len(self.motions) + self.collapsed + self.failed
+        return len(self.stood) + self.collapsed + self.failed
+
+
+@dataclass(frozen=True)
+class Profile(SuiteLevel):
+    """The peaks of a building under a suite at one level of intensity.
+
+    Attributes
+    ----------
+    building : str
+        Its name.
+    motions : tuple of str
+        Those that came to their end.
+    height : ndarray, shape (n,)
+        Story heights, m; nan where there is none.
+    peaks : mapping of str to ndarray, shape (motions, n)
+        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
+    peak_errors : mapping of str to ndarray, shape (motions, n)
+        Their estimated errors, nan where there is none; empty where they were not asked for.
+    """
+
+    building: str
+    motions: tuple[str, ...]
+    height: Array
+    peaks: Mapping[str, Array]
+    peak_errors: Mapping[str, Array]
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Of a quantity, in each story."""
@@ -247,16 +260,8 @@ def profiles(store: Store) -> Iterator[Profile]:
         kept = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
         for level in rules.levels_of(store, number):
             motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
-            counts_of = (level.pairs, level.collapsed, level.failed)
-            yield Profile(
-                name,
-                level.scale,
-                level.value,
-                motions,
-                *counts_of,
-                *_peaks(level, kept, counts[number], checked),
-                level.measure,
-            )
+            height, peaks, errors = _peaks(level, kept, counts[number], checked)
+            yield Profile(**vars(level), building=name, motions=motions, height=height, peaks=peaks, peak_errors=errors)
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -265,19 +270,6 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
         return f"scale {scale:g}"
     name, unit = measure
     return "" if math.isnan(level) else f"{name} {level:.4g} {unit}".rstrip()
-
-
-class SuiteLevel(NamedTuple):
-    """The motions of a building at one level: `scale`, `value`, `pairs`, `collapsed`, `failed` and `measure` as in
-    `Profile`, and in `stood` the runs of each motion that came to its end, two of a pair."""
-
-    scale: float
-    value: float
-    stood: list[list[Run]]
-    pairs: int
-    collapsed: int
-    failed: int
-    measure: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -351,14 +343,11 @@ def _peaks(
     # A residual drift has a sign.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
     values, errors = ([block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
-    peaks = np.stack([_of_motion(block) for block in values], axis=-1)
-    off = [_may_add(_of_motion, *block) for block in zip(values, errors, strict=True)] if checked else []
+    # Of both components the larger.
+    larger = partial(np.max, axis=0)
+    peaks = np.stack([larger(block) for block in values], axis=-1)
+    off = [_may_add(larger, *block) for block in zip(values, errors, strict=True)] if checked else []
     return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
-
-
-def _of_motion(runs: Array) -> Array:
-    """Of both components the larger, shape (n, quantities) from (runs, n, quantities)."""
-    return np.asarray(np.max(runs, axis=0))
 
 
 def _by_name(values: Array) -> dict[str, Array]:
@@ -429,15 +418,13 @@ class RunFloors:
 
 
 @dataclass(frozen=True)
-class FloorSuite:
+class FloorSuite(SuiteLevel):
     """Pseudo-accelerations of a floor of a building under a suite at one level.
 
     Attributes
     ----------
     building : str
         Its name.
-    scale, level : float
-        As in `tdint.campaign.profiles.Profile`.
     floor : int
         From 1 at the bottom.
     damping : float
@@ -446,23 +433,13 @@ class FloorSuite:
         Natural periods, s.
     psa : ndarray, shape (motions, k)
         Of each motion that came to its end, m/s^2; of a pair the larger component at each period.
-    runs, collapsed, failed : int
-        Motions, and those that are in no number.
-    measure : tuple of str
-        As in `Profile`.
     """
 
     building: str
-    scale: float
-    level: float
     floor: int
     damping: float
     periods: Array
     psa: Array
-    runs: int
-    collapsed: int
-    failed: int
-    measure: tuple[str, str]
 
     @property
     def mean(self) -> Array:
@@ -501,14 +478,9 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
 
 def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
     key, dt = run
-    settings = plan.settings
+    settings, case = plan.settings, subject.case(plan.motions[key.motion].record, key.scale)
     response = run_case(
-        subject.case(plan.motions[key.motion].record, key.scale),
-        dt=dt,
-        duration=settings.duration,
-        history=True,
-        check=False,
-        until_rest=settings.until_rest,
+        case, dt=dt, duration=settings.duration, history=True, check=False, until_rest=settings.until_rest
     )
     return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))
 
@@ -525,19 +497,9 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
         for level in rules.levels_of(store, number):
             if not level.stood:
                 continue
-            runs = len(level.stood) + level.collapsed + level.failed
             for i, shown in enumerate(spectra[level.stood[0][0]]):
-                psa = [np.max([spectra[run][i].spectrum.psa for run in motion], axis=0) for motion in level.stood]
+                of, name = shown.spectrum, names[number][0]
+                psa = np.array([np.max([spectra[run][i].spectrum.psa for run in runs], axis=0) for runs in level.stood])
                 yield FloorSuite(
-                    building=names[number][0],
-                    scale=level.scale,
-                    level=level.value,
-                    floor=shown.floor,
-                    damping=shown.spectrum.damping,
-                    periods=shown.spectrum.periods,
-                    psa=np.array(psa),
-                    runs=runs,
-                    collapsed=level.collapsed,
-                    failed=level.failed,
-                    measure=level.measure,
+                    **vars(level), building=name, floor=shown.floor, damping=of.damping, periods=of.periods, psa=psa
                 )

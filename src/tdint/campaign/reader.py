@@ -20,7 +20,6 @@ from tdint.campaign.definition import (
     Varied,
     read_sweep,
 )
-from tdint.campaign.definition import positive as _positive
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, SPECTRAL, levelled, measure_at, without_levels
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
@@ -207,9 +206,11 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 """Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_DAMPING = ("full", "mass-only")
 _LENGTH = Choice(("m", "ft"), "length unit of inventories")
-_UNITS = Keys((Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True),))
+_UNITS = Keys(
+    (Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True, advice="give ft or m"),),
+    make=lambda _, length: LENGTH[length],
+)
 _BUILDINGS = Keys(
     (
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
@@ -218,7 +219,9 @@ _BUILDINGS = Keys(
         Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
         Key("as_published", Flag(), "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity"),
         Key("units", _UNITS, "units of the inventory"),
-        Key("damping", Choice(_DAMPING, "damping"), "mass-only leaves out the stiffness-proportional part"),
+        Key(
+            "damping", Choice(("full", "mass-only"), "damping"), "mass-only leaves out the stiffness-proportional part"
+        ),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
         Key("seed", SEED, "what the factors are drawn from"),
@@ -226,7 +229,6 @@ _BUILDINGS = Keys(
     one_of=(("models", "inventory"),),
 )
 
-_OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
 
 
@@ -249,7 +251,7 @@ _ANALYSIS = Keys(
         Key("methods", EntriesOf(Words(), least=1), "several methods, each with all the rest"),
         Key(
             "dt",
-            Either((POSITIVE, EntriesOf(POSITIVE, least=1))),
+            Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
             "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
         ),
         Key("duration", POSITIVE, "time to integrate, s"),
@@ -260,7 +262,6 @@ _ANALYSIS = Keys(
         Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
-_VARY = Varied()
 _TABLES = ("runs", "damage", "losses", "stories", "profiles")
 _OUTPUTS = Keys(
     (
@@ -275,11 +276,11 @@ CAMPAIGN = Keys(
         Key("records", MOTIONS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
-        Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
+        Key("vary", Varied(), "parameters of the buildings, each value with all the others"),
         Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key(
             "outputs",
-            Either((_OUTPUTS, EntriesOf(Choice(_TABLES), least=1))),
+            Either((_OUTPUTS, EntriesOf(Choice(_TABLES, "table"), 1, short="is empty; name at least one table"))),
             "what is written beside a row for each run, or a list of all that is written",
         ),
         Key("style", Words(), "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no"),
@@ -322,11 +323,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
     # A list chooses all tables that are written, keys add to what is usual.
-    chosen = None
-    if stated and stated.is_list:
-        items = stated.items("a list of tables", "is empty; name at least one table") or ()
-        chosen = tuple(table for item in items if (table := item.choice(_TABLES, "table")))
-    outputs = stated.section(_OUTPUTS) if stated and chosen is None else None
+    chosen = stated.read() if stated and stated.is_list else None
+    outputs = stated.section(_OUTPUTS) if stated and not stated.is_list else None
     dt = analysis.get("dt")
     read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     # Profiles come by default for single models; of inventories they would be large.
@@ -339,12 +337,14 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(
-            dt=None if dt is None or dt.is_list else _positive(dt),
+            dt=dt.read() if dt and not dt.is_list else None,
             **analysis.given("duration", "tolerance", "until_rest", "check"),
             stories=outputs.read("stories", False) if outputs else "stories" in (chosen or ()),
             profiles=outputs.read("profiles", models) if outputs else "profiles" in (chosen or ("profiles",) * models),
         ),
-        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=models),
+        sweep=read_sweep(
+            section.get("vary"), analysis.get("methods"), dt if dt and dt.is_list else None, models=models
+        ),
         damage=read_wishes(
             section.get("damage"), read_buildings.rules if isinstance(read_buildings, InventoryFile) else None
         ),
@@ -405,9 +405,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     file = inventory.file()
     name = section.read("rules", next(iter(RULES)))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
-    lengths = units.section() if units else None
-    length = lengths.need("length", "give ft or m") if lengths else None
-    unit = length.read() if length else None
+    unit = units.read() if units else None
     kind, classes = section.read("damping"), section.file("classes")
     numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
     # Rules by capacity curves read another table and know no scatter.
@@ -418,7 +416,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         section.refuse(("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
-    return InventoryFile(file, name, LENGTH[unit], mass_only=kind == "mass-only", classes=classes, **numbers)
+    return InventoryFile(file, name, unit, mass_only=kind == "mass-only", classes=classes, **numbers)
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
@@ -433,7 +431,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
         return None
     if ways == ["measure"]:
         return _levels(section)
-    section.refuse(_OF_MEASURES, "belongs to a `measure`")
+    section.refuse(("period", "damping", "levels", "pair"), "belongs to a `measure`")
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
@@ -481,19 +479,18 @@ def _levels(section: Section) -> MeasureLevels | None:
 
 def _level(value: Value, quantity: str) -> float:
     """A value with its unit in SI; nan after a fault."""
-    text = value.text()
-    if text is None:
-        return math.nan
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
-    try:
-        units = parse_units(text)
-    except UsageError:
-        value.fault(f"must be a positive number with its unit, such as {example}, got {text!r}")
-        return math.nan
-    # A bare unit is no value: its factor is the level.
-    if units.quantity != quantity or not units.has_factor:
-        value.fault(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
-        return math.nan
-    if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
-        value.fault(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
-    return units.scale
+
+    def level(text: str) -> float:
+        try:
+            units = parse_units(text)
+        except UsageError:
+            raise UsageError(f"must be a positive number with its unit, such as {example}, got {text!r}") from None
+        # A bare unit is no value: its factor is the level.
+        if units.quantity != quantity or not units.has_factor:
+            raise UsageError(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
+        if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
+            raise UsageError(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
+        return units.scale
+
+    return value.parsed(level) or math.nan

@@ -349,9 +349,7 @@ def scale(
     if target is not None:
         if chosen is not None or value is not None:
             raise UsageError("a target and a value are given; motions are scaled to one of them")
-        spectrum = read_target(target) if isinstance(target, str) else target
-        ends = float(spectrum.periods[0]), float(spectrum.periods[-1])
-        places = np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
+        spectrum, places = target_at(target, periods)
         return by_rule(rule)(suite, spectrum, places, damping=damping, pair=pair)
     if rule == "p695":
         of = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
@@ -365,6 +363,13 @@ def scale(
 
 _PLACES = 100  # periods of a comparison: 30 or more a decade
 _RULES: dict[str, Callable[..., Scaling]] = {"mean": scale_to_target, "asce7": scale_asce7, "ec8": scale_ec8}
+
+
+def target_at(target: TargetSpectrum | str, periods: Sequence[float] | Array | None) -> tuple[TargetSpectrum, Array]:
+    """A target, and the periods at which it is met: those given, or some over all of it."""
+    aim = read_target(target) if isinstance(target, str) else target
+    ends = float(aim.periods[0]), float(aim.periods[-1])
+    return aim, np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
 
 
 def by_rule(rule: str) -> Callable[..., Scaling]:

@@ -14,12 +14,12 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyMotion, motion_of, numbers_of
+from tdint.analysis.given import AnyMotion, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
-from tdint.analysis.spectra.target import TargetSpectrum, read_target
+from tdint.analysis.spectra.target import TargetSpectrum
 from tdint.arrays import Array
 from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
-from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule
+from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule, target_at
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.reading.suites import GroundMotion, components
 
@@ -93,9 +93,7 @@ def select(
         raise UsageError(f"per_event must be 1 at least, got {per_event}")
     if events is not None and len(events) != len(motions):
         raise UsageError(f"events: one for each of {len(motions)} motions, got {len(events)}")
-    aim = read_target(target) if isinstance(target, str) else target
-    ends = float(aim.periods[0]), float(aim.periods[-1])
-    places = np.geomspace(*ends, 100) if periods is None else numbers_of(periods, "periods")
+    aim, places = target_at(target, periods)
     wanted = None if scatter is None else np.broadcast_to(np.asarray(scatter, float), places.shape)
     if wanted is not None and (count < 3 or not np.all((wanted >= 0.0) & np.isfinite(wanted))):
         raise UsageError("a scatter is a positive number, of three motions at least")

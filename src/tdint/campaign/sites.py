@@ -6,10 +6,11 @@ import json
 import math
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from operator import itemgetter
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,8 @@ _SHOWN_FAULTS, _MOST_FAULTS = 10, 1000
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 _OTHER = "record_2"  # column of the file of the other horizontal of a pair, where names do not tell it
+
+Value = TypeVar("Value")
 
 
 def read_grid(grid: GridFile) -> FoundMotions:
@@ -97,12 +100,12 @@ def read_grid(grid: GridFile) -> FoundMotions:
     if grid.events:
         return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
     # Points that lose all of their motions drop out: buildings near them draw from the others.
-    kept = [
-        (place, tuple(motion for motion in motions if motion[0]))
-        for (_, place), motions in zip(points, of_points, strict=True)
+    there = [
+        (place, kept)
+        for (_, place), of_point in zip(points, of_points, strict=True)
+        if (kept := tuple(motion for motion in of_point if motion[0]))
     ]
-    there = [(place, motions) for place, motions in kept if motions]
-    places = GridMotions([place for place, _ in there], tuple(motions for _, motions in there))
+    places = GridMotions([place for place, _ in there], tuple(kept for _, kept in there))
     return FoundMotions(tuple(motions), tuple(failures), places=places)
 
 
@@ -121,19 +124,13 @@ def _rows_as_events(
     records = {
         both: number for number, both in enumerate(dict.fromkeys(b for motions in of_points for b, _ in motions))
     }
-    rows = [
-        (site, event, records[both], factor)
-        for site, motions in enumerate(of_points)
-        for event, (both, factor) in enumerate(motions, start=1)
-    ]
-    site, event, record = np.array([row[:3] for row in rows], np.int32).reshape(-1, 3).T
-    return FieldMotions.of_rows(
-        tuple(str(number) for number in range(1, count + 1)),
-        tuple(file for file, _ in points),
-        (site, event, record, np.array([row[3] for row in rows], float)),
-        [tuple((motion, 1.0) for motion in both) for both in records],
-        [place for _, place in points],
-    )
+    rows = [(records[both], factor) for motions in of_points for both, factor in motions]
+    record, value = np.array([row[0] for row in rows], np.int32), np.array([row[1] for row in rows], float)
+    site, event = (numbers.ravel() for numbers in np.indices((len(points), count), np.int32))
+    files, places = zip(*points, strict=True)
+    motions_of = [tuple((motion, 1.0) for motion in both) for both in records]
+    events = [str(number + 1) for number in range(count)]
+    return FieldMotions.of_rows(events, files, (site, event + 1, record, value), motions_of, places)
 
 
 def read_field(field_file: FieldFile) -> FoundMotions:
@@ -153,16 +150,10 @@ def read_field(field_file: FieldFile) -> FoundMotions:
     motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
-    field = FieldMotions.of_rows(
-        tuple(rows.events), tuple(rows.sites), rows.arrays(), motions, list(places.values()) if field_file.sites else ()
-    )
-    return FoundMotions(
-        tuple(records.motions),
-        tuple(records.failures),
-        tuple(dict.fromkeys(records.notes)),
-        field,
-        _rates(field_file.rates, list(rows.events)) if field_file.rates else {},
-    )
+    events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
+    field = FieldMotions.of_rows(events, list(rows.sites), rows.arrays(), motions, list(places.values()))
+    rates = _rates(field_file.rates, events) if field_file.rates else {}
+    return FoundMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
@@ -172,11 +163,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     table.need(event, "rate")
     values = table.numbers("rate")
     table.check("rate", (rate >= 0.0 for rate in values), "must be zero or a positive number a year")
-    rates: dict[str, float] = {}
-    for (line, name), value in zip(table.lines(event, empty=False), values, strict=True):
-        if name in rates:
-            raise ModelError(f"{file}:{line}: event {name!r} is there twice")
-        rates[name] = value
+    rates = _by_name(table, event, "event", values)
     # An event without a rate would be left out of every annual loss without a word.
     missing = [name for name in events if name not in rates]
     if missing:
@@ -184,6 +171,16 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
             f"{file}: has no rate of {how_many(len(missing), 'event')} of the fields, such as {missing[0]!r}"
         )
     return {name: rates[name] for name in events}
+
+
+def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -> dict[str, Value]:
+    """The values of rows by the names in a column, none of which may be there twice."""
+    by_name: dict[str, Value] = {}
+    for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
+        if name in by_name:
+            raise ModelError(f"{table.source}:{line}: {what} {name!r} is there twice")
+        by_name[name] = value
+    return by_name
 
 
 @dataclass
@@ -294,13 +291,10 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
         # Names become numbers, 24 bytes a row.
         else:
-            rows.add(
-                sites.setdefault(place, len(sites)),
-                rows.events.setdefault(event_name, len(rows.events) + 1),
-                rows.records.setdefault((record, component, other), len(rows.records)),
-                unit * factor,
-                line,
-            )
+            at_site = sites.setdefault(place, len(sites))
+            of_event = rows.events.setdefault(event_name, len(rows.events) + 1)
+            of_record = rows.records.setdefault((record, component, other), len(rows.records))
+            rows.add(at_site, of_event, of_record, unit * factor, line)
     faults += rows.twice(file)
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
@@ -336,12 +330,7 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
     table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
     site, longitude, latitude = (_called(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES))
     table.need(site, longitude, latitude)
-    places: dict[str, tuple[float, float]] = {}
-    for (line, name), place in zip(table.lines(site, empty=False), _degrees(table, longitude, latitude), strict=True):
-        if name in places:
-            raise ModelError(f"{file}:{line}: site {name!r} is there twice")
-        places[name] = place
-    return places
+    return _by_name(table, site, "site", _degrees(table, longitude, latitude))
 
 
 def _called(table: CsvTable, names: Sequence[str]) -> str:
@@ -454,15 +443,6 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     RecordError
         It cannot be read.
     """
-    records = _read_motion(folder, name, unit)
-    whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
-    return [
-        SuiteMotion(record, name, record.component, whole, direction)
-        for direction, record in enumerate(records, start=1)
-    ]
-
-
-def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     file = folder / (name if name.endswith(".json") else f"{name}.json")
     large = f"larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion"
     data = read_whole(file, RecordError, {}, large, MOST_BYTES)
@@ -483,9 +463,13 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
             samples = content[key]
             if not isinstance(samples, list) or not all(isinstance(sample, float) for sample in samples):
                 raise RecordError(f"{file}: {key} is no list of numbers")
-            record = Record(np.array(samples) * scale, dt, "", "", component, str(file))
+            record = Record(np.array(samples) * unit, dt, "", "", component, str(file))
             check_possible(record.acceleration, f"{file}: {key}")
             records.append(record)
     if len(records) == 2 and records[0].acceleration.size != records[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
-    return records
+    whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
+    return [
+        SuiteMotion(record, name, record.component, whole, direction)
+        for direction, record in enumerate(records, start=1)
+    ]

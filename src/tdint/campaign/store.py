@@ -87,21 +87,13 @@ class Identity:
     @classmethod
     def of(cls, plan: Plan, kept: Sequence[int] | None) -> Identity:
         """What the store of a campaign is of, or of a part of its buildings."""
+        same = ("buildings", "motions", "chunks", "runs", "size", "unused", "damage", "outputs", "rates", "style")
         return cls(
+            **{name: getattr(plan, name) for name in same},
             name=plan.name,
             kind="campaign",
             settings=as_json(asdict(plan.settings) | plan.levels.description() | plan.assignment.description()),
-            buildings=plan.buildings,
-            motions=plan.motions,
-            chunks=plan.chunks,
-            runs=plan.runs,
-            size=plan.size,
-            unused=plan.unused,
             units=output_units(plan.buildings),
-            damage=plan.damage,
-            outputs=plan.outputs,
-            rates=plan.rates,
-            style=plan.style,
             kept=kept,
             files=model_files(plan.buildings) | {file: digest_of(Path(file)) for file in plan.inventory},
         )
@@ -276,8 +268,8 @@ class Store:
         OutputError
             The disk is full, the file is damaged, somebody else writes.
         """
-        by_table: tuple[list[Any], ...] = (done.rows.runs, done.rows.stories, done.rows.shocks)
-        rows = [table.plain(of_table) for table, of_table in zip(schema.ROW_TABLES, by_table, strict=True)]
+        by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
+        rows = [table.plain(of_table) for table, of_table in by_table]
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
             for table, of_table in zip(schema.ROW_TABLES, rows, strict=True):
@@ -303,8 +295,7 @@ class Store:
             bad = schema.damaged_chunks(self.connection)
             if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                size = identity.size
-                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and size(i) in (None, runs))}
+                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and identity.size(i) in (None, runs))}
             if not bad:
                 return 0
             self.remove(bad)
@@ -355,8 +346,8 @@ class Store:
         """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, looks
         of pictures, files of models, and columns of an inventory."""
         buildings, every = identity.buildings, len(identity.buildings)
-        columns = buildings[0].columns
-        carried = buildings.rows.digest(carried=True) if isinstance(buildings, RowBuildings) else ""
+        rows = buildings.rows if isinstance(buildings, RowBuildings) else None
+        columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
         values = {
             "inventory": json.dumps({"columns": columns, "sha256": carried}),
             "output_units": str(identity.units),
@@ -531,21 +522,15 @@ def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) ->
     name = ":memory:" if file is None else str(file)
     with in_words(name):
         store = Store(connect(name, log=log), name)
-    try:
-        with in_words(name):
-            if is_empty(store):
+    with schema.closed_on_failure(store.connection):
+        remarks = check_same(store, identity) if _begun(store) else None
+        if remarks is None:
+            with in_words(name):
                 _create(store, identity)
-                store.tell(identity)
-                return store, []
-            schema.check_store(store.connection, name)
-        remarks = check_same(store, identity)
-        if healed := store.heal(identity):
+        elif healed := store.heal(identity):
             remarks.append(f"{name}: {healed} chunks of runs are not as they were written; they are done again")
         store.tell(identity)
-        return store, remarks
-    except BaseException:
-        store.connection.close()
-        raise
+    return store, remarks or []
 
 
 def open_existing(folder: Path, *, write: bool = False) -> Store:
@@ -564,7 +549,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     name = str(folder / FILE)
     with in_words(name):
         store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
-    if not _checked(store):
+    if not _begun(store):
         store.connection.close()
         raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
     return store
@@ -574,20 +559,16 @@ def open_written(file: Path) -> Store:
     """The store in a file that is written without a log, as it is. Errors are those of `open_existing`."""
     with in_words(str(file)):
         store = Store(connect(str(file), log=False), str(file))
-    _checked(store)
+    _begun(store)
     return store
 
 
-def _checked(store: Store) -> bool:
+def _begun(store: Store) -> bool:
     """Whether there is something in a store, which is whole then; else it is closed."""
-    try:
-        with in_words(store.name):
-            begun = not is_empty(store)
-            if begun:
-                schema.check_store(store.connection, store.name)
-    except BaseException:
-        store.connection.close()
-        raise
+    with schema.closed_on_failure(store.connection), in_words(store.name):
+        begun = not is_empty(store)
+        if begun:
+            schema.check_store(store.connection, store.name)
     return begun
 
 

@@ -11,7 +11,7 @@ import hashlib
 import logging
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
@@ -59,13 +59,10 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
     """
     _refuse_what_is_no_file(name)
     connection = sqlite3.connect(name, isolation_level=None)
-    try:
+    with closed_on_failure(connection):
         _guard(connection)
         wait_for(connection, name, f"PRAGMA journal_mode={'WAL' if log else 'DELETE'}")
         connection.execute(f"PRAGMA synchronous={'NORMAL' if log else 'FULL'}")
-    except BaseException:
-        connection.close()
-        raise
     return connection
 
 
@@ -73,14 +70,21 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
     """A connection that changes nothing and needs no lock that a writer has. Errors are those of `connect`."""
     _refuse_what_is_no_file(str(file))
     connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
-    try:
+    with closed_on_failure(connection):
         _guard(connection)
         connection.execute("BEGIN")  # one state of the store for all that is read
         wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
+    return connection
+
+
+@contextmanager
+def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
+    """Close a connection if what is within fails."""
+    try:
+        yield
     except BaseException:
         connection.close()
         raise
-    return connection
 
 
 def _guard(connection: sqlite3.Connection) -> None:
@@ -199,7 +203,7 @@ def locked(folder: Path) -> Iterator[None]:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
     except sqlite3.Error as error:
         raise OutputError(f"{folder}: cannot be written: {error}") from None
-    try:
+    with closing(connection):
         try:
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
@@ -212,8 +216,6 @@ def locked(folder: Path) -> Iterator[None]:
         # Only who has the lock knows that unfinished files belong to nobody.
         remove_abandoned(folder)
         yield
-    finally:
-        connection.close()
 
 
 # ---- Schema
@@ -266,13 +268,10 @@ class RowTable:
         shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
-        first = (
-            [f"{self.name}.{column}" for column in ("scale", "sample")]
-            + method
-            + [f"{self.name}.{column}" for column in shown]
-        )
+        scale, sample, *others = (f"{self.name}.{column}" for column in ("scale", "sample", *shown))
+        columns = ", ".join([*named, scale, sample, *method, *others])
         return (
-            f"CREATE VIEW {self.view} AS SELECT {', '.join(named + first)} FROM {self.name} "
+            f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} "
             f"JOIN buildings b ON b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record "
             f"ORDER BY {', '.join(f'{self.name}.{column}' for column in self.key)}"
         )
@@ -299,30 +298,17 @@ class RowTable:
         return sorted(result, key=lambda row: row[: len(self.key)])
 
 
-def _kinds(quantities: Iterable[Quantity], name: str) -> dict[str, type]:
-    """Columns of what is told beside some quantities."""
-    return {name.format(quantity.column): float for quantity in quantities}
+def _kinds(quantities: Iterable[Quantity], behind: str = "") -> dict[str, type]:
+    """Columns of some quantities, or of numbers that are told beside them, with `behind` behind the names."""
+    return {quantity.column + behind: float if behind else quantity.kind for quantity in quantities}
 
 
-RUNS = RowTable(
-    "run_rows",
-    _KEY,
-    {one.column: one.kind for one in RUN} | _kinds(RUN_WITH_ERROR, "{}_error"),
-    "runs",
-    tuple(one.column for one in RUN if one.shown == HIDDEN),
-)
-STORIES = RowTable(
-    "story_rows",
-    _KEY | {"story": int},
-    {"height_m": float} | {one.column: one.kind for one in STORY} | _kinds(STORY, "{}_error"),
-    "stories",
-)
-SHOCKS = RowTable(
-    "shock_rows",
-    _KEY | {"shock": int},
-    {"start_s": float, "pga_m_s2": float} | {one.column: one.kind for one in DEMANDED},
-    "shocks",
-)
+_HIDDEN = tuple(one.column for one in RUN if one.shown == HIDDEN)
+RUNS = RowTable("run_rows", _KEY, _kinds(RUN) | _kinds(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN)
+_OF_STORY = {"height_m": float} | _kinds(STORY) | _kinds(STORY, "_error")
+STORIES = RowTable("story_rows", _KEY | {"story": int}, _OF_STORY, "stories")
+_OF_SHOCK = {"start_s": float, "pga_m_s2": float} | _kinds(DEMANDED)
+SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _OF_SHOCK, "shocks")
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
 """In the order of the fields of `tdint.campaign.batch.Rows`."""
 

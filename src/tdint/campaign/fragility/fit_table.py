@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ from tdint.campaign.fragility.measures import (
 )
 from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exceedance
 from tdint.campaign.profiles import motion_numbers
-from tdint.campaign.store import Store, check_chunks, open_existing
+from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -60,9 +60,8 @@ NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud), "
     "or is one of tdint ida or tdint campaign"
 )
-_RUNS = ("status", "peak_drift_ratio")
 EVERY_DEMAND = (0.0, math.inf)
-_LEAST_STRIPE = 3  # runs a level has at the least
+_LEAST_STRIPE = 3  # runs that a level has at the least; of types motions
 
 
 @dataclass(frozen=True)
@@ -247,9 +246,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                 lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())], of, motion if alike else None
             )
             assert isinstance(function, Fragility)
-            return function.within(
-                capacity[of], min(0.5, 1.0 - float(np.mean(censored[of])))
-            )  # known ones are all beyond
+            # Known ones are all beyond.
+            return function.within(capacity[of], min(0.5, 1.0 - float(np.mean(censored[of]))))
 
         for function in _by_threshold(table, request, fit):
             if isinstance(function, Fragility):
@@ -282,34 +280,30 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     if fit == STRIPES and not in_stripes:
         raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
-    lost = int(np.sum(runs.failed))
-    warnings = [f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"]
+    lost = int(np.sum(~runs.result))
+    left_out = f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"
     if fit == CLOUD:
         # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
         of = runs.result
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
         result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
         of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
-        return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
+        return replace(result, functions=of_cloud, warnings=(left_out,) * (lost > 0))
     functions = [_tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds]
-    warnings[0] += (
-        ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
-    )
-    return FragilityResult.of(functions, *warnings * (lost > 0))
+    leaning = "which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
+    return FragilityResult.of(functions, *(f"{left_out}, {leaning}",) * (lost > 0))
 
 
 @dataclass(frozen=True)
 class _Runs:
     """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest drift, whether the
-    building collapsed, whether there is a result, whether there is none, the ground motion; the intensity's name and
-    unit."""
+    building collapsed, whether there is a result, the ground motion; the intensity's name and unit."""
 
     im: Array
     level: NDArray[np.intp]
     drift: Array
     collapsed: NDArray[np.bool_]
     result: NDArray[np.bool_]
-    failed: NDArray[np.bool_]
     motion: NDArray[np.intp]
     names: tuple[str, str]
 
@@ -344,7 +338,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         raise ModelError(f"{table.source}: no run has a result")
     im, drift, motion = im[positive], drift[positive], motion[positive]
     collapsed, result = collapsed[positive], result[positive]
-    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, motion, (name, unit))
+    return _Runs(im, levels_of(im), drift, collapsed, result, motion, (name, unit))
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
@@ -354,14 +348,14 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
     (function,) = over_motions(lambda taken: [_stripes(runs, over, taken)], of, runs.motion)
     assert isinstance(function, Fragility)
     function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
-    lost = int(np.sum(runs.failed))
+    lost = int(np.sum(~runs.result))
     # Nothing is known of runs that failed: at most all of them exceed, at least none.
     if not lost:
         return function
     every = np.ones_like(runs.result)
     # With all counted in a fit may be impossible; then that bound is not known.
     bounds: list[Fragility | None] = []
-    for counted in ((over & runs.result) | runs.failed, over & runs.result):
+    for counted in (over | ~runs.result, over & runs.result):
         try:
             bounds.append(_stripes(runs, counted, every))
         except AnalysisError:
@@ -461,7 +455,7 @@ class _Kind:
 _STRIPES = _Kind(("im", "collapses", "records"), (STRIPES,), _fit_stripes)
 _CAPACITIES = _Kind(("capacity",), (IDA,), _fit_capacities)
 _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
-_OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
+_OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 
 
 # ---- Fragility functions of the types of buildings of a campaign, or of each building, one for each damage state, of
@@ -471,7 +465,6 @@ _OF_RUNS = _Kind(_RUNS, (STRIPES, CLOUD), _fit_runs)
 # heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part of beta: stripes count
 # probabilities of exceedance, a cloud sees each run with thresholds so dispersed.
 
-_LEAST_TYPE_STRIPE = 3  # motions a level has at the least
 _SAME_PERIOD = 1e-6  # tables write six digits or more
 _THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
 
@@ -543,7 +536,13 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             more = "; or give --threshold" if by == BUILDING else ""
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
         intensities = RunIntensities(store, folder, measure)
-        of_types = type_runs(store, intensities, measure, by=by, states=of_all)
+        # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
+        motions = {} if store.events() else motion_numbers(store.records())
+        gathered: dict[str, _Gathered] = {}
+        for of in building_damages(store, of_all):
+            name = of.type if by == TYPE else of.building
+            gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
+        of_types = {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
     # What cannot be fitted says of which type and state, and stops no other.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
@@ -556,24 +555,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)
-
-
-def type_runs(
-    store: Store,
-    intensities: RunIntensities,
-    measure: RunMeasure,
-    *,
-    by: str = TYPE,
-    states: DamageStates | None = None,
-) -> dict[str, TypeRuns]:
-    """The runs of each type or building, by name; `states` in place of the campaign's. One building is held at once."""
-    # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
-    motions = {} if store.events() else motion_numbers(store.records())
-    gathered: dict[str, _Gathered] = {}
-    for of in building_damages(store, states):
-        name = of.type if by == TYPE else of.building
-        gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
-    return {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
 
 
 @dataclass
@@ -604,16 +585,10 @@ class _Gathered:
         """All of them as arrays."""
         first, last = self.periods
         common = 0.0 < last < math.inf and last - first <= _SAME_PERIOD * first
-        return TypeRuns(
-            self.states,
-            np.frombuffer(self.im, np.float64),
-            np.frombuffer(self.demand, np.float64),
-            np.frombuffer(self.fallen, np.int8).astype(bool),
-            np.frombuffer(self.motion, np.int64),
-            self.failed,
-            measure.label(first if common else None),
-            unit,
-        )
+        im, demand = np.frombuffer(self.im, np.float64), np.frombuffer(self.demand, np.float64)
+        fallen, motion = np.frombuffer(self.fallen, np.int8).astype(bool), np.frombuffer(self.motion, np.int64)
+        name = measure.label(first if common else None)
+        return TypeRuns(self.states, im, demand, fallen, motion, self.failed, name, unit)
 
 
 def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
@@ -623,7 +598,7 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     # Stripes need motions enough at every level, with the buildings of a type taken together.
     level = levels_of(runs.im)
     of_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # how many motions
-    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_TYPE_STRIPE
+    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_STRIPE
     if request.fit == STRIPES and not stripes:
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)
@@ -677,24 +652,16 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
     limited = fallen | (demand >= high)
     seen = np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE)) * demand[:, np.newaxis]
     above = limited[:, np.newaxis] | (seen >= heaviest)
+    im_of_seen, at_most = np.repeat(im, _THREE.size), np.minimum(seen, heaviest).ravel()
     try:
-        of_states = fit_cloud(
-            np.repeat(im, _THREE.size),
-            np.minimum(seen, heaviest).ravel(),
-            runs.states.medians,
-            above.ravel(),
-            lightest=lightest,
-        )
+        of_states = fit_cloud(im_of_seen, at_most, runs.states.medians, above.ravel(), lightest=lightest)
     except AnalysisError as error:
         return [error for _ in runs.states.states]
     # For the picture the demands themselves stand, not the three that each was seen with.
     below = ~limited & (demand < lightest)
+    counts: dict[str, Any] = {"records": im.size, "censored": int(np.sum(limited))}
+    points: dict[str, Any] = {"im": im, "edp": demand, "censored": limited, "below": below}
     return [
-        replace(
-            function,
-            records=im.size,
-            censored=int(np.sum(limited)),
-            cloud=function.cloud and replace(function.cloud, im=im, edp=demand, censored=limited, below=below),
-        )
+        replace(function, cloud=function.cloud and replace(function.cloud, **points), **counts)
         for function in of_states
     ]

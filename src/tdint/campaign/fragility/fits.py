@@ -390,24 +390,15 @@ class Fragility:
             )
         unit, value = units.unit(si)
         factor = kinds[si][self.unit] / value
-        points, cloud = self.points, self.cloud
         # What was observed goes along, or pictures would show it beside another axis.
-        if points is not None:
-            points = replace(points, im=factor * points.im)
+        points, cloud = self.points and replace(self.points, im=factor * self.points.im), self.cloud
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
         low, high = (replace(fit, theta=factor * fit.theta, unit=unit) if fit else None for fit in self.bounds)
         counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
-        return replace(
-            self,
-            theta=factor * self.theta,
-            unit=unit,
-            points=points,
-            cloud=cloud,
-            bounds=(low, high),
-            counted=counted,
-        )
+        observed: dict[str, Any] = {"points": points, "cloud": cloud, "counted": counted}
+        return replace(self, theta=factor * self.theta, unit=unit, bounds=(low, high), **observed)
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
@@ -585,22 +576,13 @@ def fit_cloud(
     intercept, slope, sigma, covariance = _line(np.log(x), np.log(np.where(below, lightest, y)), above, below)
     # In the likelihood's parameters the function is a ratio: its errors follow by its derivatives.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
+    observed = {"records": x.size, "censored": int(np.sum(above)), "cloud": points}
     g1, results = slope / sigma, []
     for threshold in thresholds:
         mean = (math.log(threshold) - intercept) / slope
         jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
-        results.append(
-            _function(
-                CLOUD,
-                mean,
-                1.0 / g1,
-                jacobian @ covariance @ jacobian.T,
-                records=x.size,
-                censored=int(np.sum(above)),
-                threshold=float(threshold),
-                cloud=points,
-            )
-        )
+        of_function = jacobian @ covariance @ jacobian.T
+        results.append(_function(CLOUD, mean, 1.0 / g1, of_function, threshold=float(threshold), **observed))
     return results
 
 

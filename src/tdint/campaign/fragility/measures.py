@@ -107,14 +107,8 @@ def run_measure(text: str) -> RunMeasure:
     of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
     if of_motion and not rest:
         value = of_motion.of
-        return RunMeasure(
-            of_motion.head,
-            of_motion.unit,
-            of_motion.meaning,
-            lambda record, period: value(record),
-            of_motion.power,
-            of_motion.name,
-        )
+        head, unit, meaning = of_motion.head, of_motion.unit, of_motion.meaning
+        return RunMeasure(head, unit, meaning, lambda record, period: value(record), of_motion.power, of_motion.name)
     kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in kinds:
         names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
@@ -127,14 +121,14 @@ def run_measure(text: str) -> RunMeasure:
         raise UsageError(f"{text!r}: {error}; write {form}") from None
 
 
-def _period(text: str) -> float | None:
-    """Seconds; None for the first period of each building."""
+def _period(text: str) -> tuple[float | None, str, str]:
+    """Seconds, None for the first period of each building; in words, and in names of functions."""
     if text in ("", FIRST):
-        return None
+        return None, "the first period of the building", "{}"
     value = float(text)
     if not 0.0 < value < math.inf:
         raise UsageError("the period must be a positive number")
-    return value
+    return value, f"{value:g} s", f"{value:g}"
 
 
 def _named(*parts: object) -> str:
@@ -143,14 +137,12 @@ def _named(*parts: object) -> str:
 
 
 def _spectral(rest: str) -> RunMeasure:
-    period = _period(rest)
-    where = "the first period of the building" if period is None else f"{period:g} s"
+    period, where, at = _period(rest)
 
     def value(record: Record, first_period: float) -> float:
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
 
-    called = f"sa({'{}' if period is None else f'{period:g}'})"
-    return RunMeasure(_named("sa", period or "t1"), "m/s^2", f"Sa at {where}, 5 % damping", value, called=called)
+    return RunMeasure(_named("sa", period or "t1"), "m/s^2", f"Sa at {where}, 5 % damping", value, called=f"sa({at})")
 
 
 def _average(rest: str) -> RunMeasure:
@@ -172,16 +164,15 @@ def _average(rest: str) -> RunMeasure:
 
 def _inelastic(rest: str) -> RunMeasure:
     seconds, _, text = rest.partition(":")
-    period, strength = _period(seconds), parse_ratio(text)
+    (period, where, at), strength = _period(seconds), parse_ratio(text)
     if not 0.0 < strength < math.inf:
         raise UsageError("the strength, yield force over weight, must be positive")
-    where = "the first period of the building" if period is None else f"{period:g} s"
 
     def value(record: Record, first_period: float) -> float:
         return float(constant_strength(record, np.array([period or first_period]), [strength], SA_DAMPING)[0].sd[0])
 
     meaning = f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at {strength:g}"
-    called = f"sdi({'{}' if period is None else f'{period:g}'},{strength:g})"
+    called = f"sdi({at},{strength:g})"
     return RunMeasure(_named("sdi", period or "t1", strength), "m", f"{meaning} of its weight", value, None, called)
 
 
@@ -271,9 +262,9 @@ class RunIntensities:
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
-            self._place, self._factor = table.header.index(column_name), unit_factor(unit)[1]
-            self.unit = measure.unit or unit_factor(unit)[0]
-            self._rows = iter(table.rows)
+            self._place, self._rows = table.header.index(column_name), iter(table.rows)
+            si, self._factor = _UNITS[unit]
+            self.unit = measure.unit or si
 
     @property
     def note(self) -> str:
@@ -307,19 +298,14 @@ class RunIntensities:
         return self._factor * float(text) if text else math.nan
 
 
-def unit_factor(unit: str) -> tuple[str, float]:
-    """The SI unit of a measure in a unit, and the factor to it."""
-    for si, units in {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}.items():
-        if unit in units:
-            return si, units[unit]
-    return "m/s", VELOCITY[unit]
-
-
 MEASURES = "measures.csv"
 """Beside runs.csv, by `tdint campaign --im`."""
 
 _KEYS = ("building", "record", "component", "scale", "sample")
-_UNITS = (*ACCELERATION, *VELOCITY, *LENGTH, *(f"{one}/s" for one in LENGTH), *(f"{one}/s^2" for one in LENGTH), "s")
+_KINDS = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
+_UNITS = {unit: (si, factor) for si, units in _KINDS.items() for unit, factor in units.items()}
+"""Of measures: their SI unit, and the factor to it."""
+
 _NEEDS = "a table of characteristics has the column record and others of numbers, such as magnitude and distance_km"
 _LEAST = 3  # runs of a line with a dispersion
 _SCALE = "ln scale"

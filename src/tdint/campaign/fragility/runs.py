@@ -183,20 +183,8 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         keys = [Run(*run[1:4]) for run in runs]
         # Levels are ranks of the factors, for factors may be each motion's own.
         ranks = level_ranks(keys)
-        yield BuildingDamage(
-            number,
-            building,
-            name,
-            period,
-            states,
-            keys,
-            np.array([ranks[key] for key in keys]),
-            status,
-            demand,
-            probabilities(states, demand, status),
-            sa,
-            pga,
-        )
+        rank, probability = np.array([ranks[key] for key in keys]), probabilities(states, demand, status)
+        yield BuildingDamage(number, building, name, period, states, keys, rank, status, demand, probability, sa, pga)
 
 
 def level_values(store: Store) -> list[float]:
@@ -309,13 +297,14 @@ class _Group:
         # Rows by motion: the error is that between motions, under which buildings err alike.
         sums = np.array(list(self._sums.values()))
         mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
-        loss, sd = Mean(np.full(1, math.nan), np.full(1, math.nan)), math.nan
+        probability = Mean(mean.value[:count], mean.error[:count])
+        loss = money = Mean(*np.full((2, 1), math.nan))
+        sd = value = math.nan
         # The last two sums are those of the loss and its square.
         if self.states.losses and len(sums):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
         # The mean over motions of what is lost, as a part of what the buildings cost under each.
-        value, money = math.nan, Mean(np.full(1, math.nan), np.full(1, math.nan))
         squares, deviations = self._scatter[0 if self._money else 1].tolist()
         whole = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         if self._money:
@@ -323,23 +312,8 @@ class _Group:
             value = float(rows[:, 0].sum())
             if value > 0.0:
                 money = Mean(*(value * part for part in _mean(rows)))
-        return TypeDamage(
-            name,
-            building,
-            event,
-            level,
-            self.states,
-            self.buildings,
-            self.runs,
-            self.failed,
-            Mean(mean.value[:count], mean.error[:count]),
-            loss,
-            sd,
-            value,
-            money,
-            part,
-            (math.sqrt(squares) / whole, deviations / whole),
-        )
+        told = (self.states, self.buildings, self.runs, self.failed, probability, loss, sd, value, money)
+        return TypeDamage(name, building, event, level, *told, part, (math.sqrt(squares) / whole, deviations / whole))
 
 
 def _mean(sums: Array) -> Mean:

@@ -29,10 +29,11 @@ from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
 _WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
 _THRESHOLDS, _LOSSES = Either((sections.THRESHOLDS, Words())), Either((sections.ByState(sections.LOSS), Words()))
+_NAMES = EntriesOf(Words(), 1, what="a list of names, from the lightest", distinct="names, each its own")
 DAMAGE = Keys(
     (
         sections.DEMAND,
-        Key("states", EntriesOf(Words(), least=1), f"names of the states, from the lightest; {', '.join(STATES)}"),
+        Key("states", _NAMES, f"names of the states, from the lightest; {', '.join(STATES)}"),
         Key("thresholds", _THRESHOLDS, f"median demand of each state; or {_WHERE}", needed=True),
         sections.DISPERSION,
         Key("losses", _LOSSES, "loss ratio in each state; or a CSV file by class"),
@@ -132,28 +133,18 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     file = given.file() if given and not of_all else None
     if losses is None:
         return None
-    return DamageWishes(
-        demand=demand,
-        states=states,
-        source=source if needed else thresholds.file() or source,
-        dispersion=HAZUS_DISPERSION if source == HAZUS and beta is None else beta,
-        losses=losses,
-        loss_file=file,
-    )
+    dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
+    source = source if needed else thresholds.file() or source
+    return DamageWishes(demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file)
 
 
 def _names(section: Section) -> tuple[str, ...] | None:
     """The names of the states; None after a fault."""
-    value = section.get("states")
-    if value is None:
-        return STATES
-    names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
-    # A name that is there twice would be one state in every table.
-    given = tuple(name for name in names if name)
-    if not given or len(set(given)) < len(names) or not all(map(sections.is_state, given)):
-        value.fault("must be names, each its own: words of letters, digits, _ and -")
+    names: tuple[str, ...] | None = section.read("states", STATES)
+    if names and not all(map(sections.is_state, names)):
+        section.refuse(("states",), "must be names: words of letters, digits, _ and -")
         return None
-    return given
+    return names
 
 
 @dataclass(frozen=True)
@@ -326,7 +317,7 @@ def _states(
     if request.of_all:
         return request.of_all
     if request.source in (HAZUS, CAPACITY):
-        medians = _HAZUS_OR_CURVE[request.source](facts)
+        medians = curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
         states = DamageStates(request.demand, request.states, medians, request.dispersion or 0.0, request.losses)
     elif name in classes.states:
         states = classes.states[name]
@@ -341,9 +332,6 @@ def _states(
 def _hazus_medians(facts: Any) -> tuple[float, ...]:
     row = hazus_types()[code_of(facts)]
     return row.slight_drift_ratio, row.moderate_drift_ratio, row.extensive_drift_ratio, row.complete_drift_ratio
-
-
-_HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
 
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:

@@ -236,10 +236,9 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
     """The level, what became of its motions, and mean and largest of each demand: None without a motion, or without the
     demand (no heights, no ratio)."""
-    feature: Feature = {"scale": level.scale, "level": level.value}
+    feature: Feature = {"scale": level.scale, "level": level.level}
     feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
-    feature["runs"] = len(level.stood) + level.collapsed + level.failed
-    feature |= {"collapsed": level.collapsed, "failed": level.failed}
+    feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
     for demand, place in zip(_DEMANDS, _PLACES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
