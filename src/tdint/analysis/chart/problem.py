@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.given import model_record
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import told_run
-from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
@@ -146,13 +146,6 @@ class Problem:
         """What `tdint run` integrates with a method."""
         return Case(self.model, self.prepared, self.record, integrator)
 
-    def outcome(self, integrator: Integrator, steps: Steps) -> str:
-        """How `tdint run` ends with this method and these steps: its status."""
-        try:
-            return self.case(integrator).march(steps).status
-        except FailedRun as failure:
-            return failure.status
-
     def told(self, integrator: Integrator, steps: Steps) -> float:
         """The largest error of a story's peak drift, over it, that `tdint run` tells beside these; nan for none."""
         response = told_run(self.case(integrator), steps)
@@ -219,11 +212,6 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
     if common > problem.samples:
         return problem
     return replace(problem, samples=-(-problem.samples // common) * common)
-
-
-def reached(problem: Problem, all_steps: tuple[Steps, ...]) -> int:
-    """Samples that the longest of some marches reaches."""
-    return max((steps.count * steps.stride // steps.per_sample for steps in all_steps), default=problem.samples)
 
 
 def stretched(model: Model, count: int) -> Model:
@@ -322,10 +310,10 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     return Errors(**of_history, peak_drift=largest_relative(motion.peak_drift, true.peak_drift))
 
 
-def errors_of_peaks(peak_drift: Array, reference: FloorMotion) -> Errors:
-    """The error of peak drifts (m, shape (n,)) of a run that keeps no history; nan for the others."""
+def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
+    """The error of the peak drifts of a run that keeps no history; nan for the others."""
     unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
-    return Errors(**unknown, peak_drift=largest_relative(peak_drift, reference.peak_drift))
+    return Errors(**unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift))
 
 
 def largest_relative(peaks: Array, true: Array) -> float:

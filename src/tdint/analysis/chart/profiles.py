@@ -38,6 +38,7 @@ from tdint.analysis.chart.work_precision import (
     within,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
+from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
 from tdint.data import dataclass
@@ -210,23 +211,15 @@ class FieldChart(Tabular):
         method does not take is one that it does not solve. The costs of what chooses its steps, and of another program,
         are over the least of ours, which they do not change."""
         profiles = []
-        our_lines = [line for line in self.lines if of_steps(line)]
+        ours = [of_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
             sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
             if not sure:
                 continue
             judged = [measured.costs(quantity, tolerance) for measured in sure]
-            table = np.array([[costs.get(line, math.nan) for line in our_lines] for costs in judged])
-            our_ratios = performance_ratios(table)
-            least = np.min(np.where(np.isnan(table), math.inf, table), axis=1)
-            for line in self.lines:
+            table = np.array([[costs.get(line, math.nan) for line in self.lines] for costs in judged])
+            for line, ratios in zip(self.lines, performance_ratios(table, ours).T, strict=True):
                 taken = sum(line in costs for costs in judged)
-                if line in our_lines:
-                    ratios = our_ratios[:, our_lines.index(line)]
-                else:
-                    # Where none of our methods solves the problem and this line does, the ratio is 0.
-                    ratios = np.array([costs.get(line, math.nan) for costs in judged]) / least
-                    ratios[np.isnan(ratios)] = math.inf
                 profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
         return tuple(profiles)
 
@@ -362,10 +355,9 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
     for dt in dts:
         steps = posed.steps(dt)
         bare = Point(integrator.label, steps.h, steps.count, DONE, line=integrator.label)
-        try:
-            response = posed.case(integrator).march(steps)
-        except FailedRun as failure:
-            points.append(replace(bare, outcome=failure.status))
+        response = attempt(posed.case(integrator), steps)
+        if isinstance(response, FailedRun):
+            points.append(replace(bare, outcome=response.status))
             continue
         point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
         if response.status == DONE:
@@ -402,10 +394,7 @@ def _others(posed: Problem, dts: Sequence[float], true: StoryPeaks) -> tuple[lis
     gap, said = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
         return [], gap, f"left out: {said}"
-
-    def judge(peaks: StoryPeaks, *_: object) -> PeakErrors:
-        return PeakErrors.between(peaks, true)
-
+    judge = partial(PeakErrors.between, true=true)
     points, notes = openseespy_points(posed, dts, reference, repeats=1, share=_SHARE, judge=judge)
     return points, gap, "; ".join([said, *(note for note in notes if note != ITERATED)])
 
@@ -538,7 +527,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
-        named, listed = (section.need(name, advice) for name, advice in _NEEDS)
+        named = section.need("records", "give ground motions by name")
+        listed = section.need("problems", "give a list of problems: name, model and scales")
         motions = named.named("a mapping from names to ground motions") if named else None
         for name, motion in (motions or {}).items():
             if (stated := record_within(motion)) is not None:
@@ -562,12 +552,6 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
             scaled = record.scaled(factor) if factor != 1.0 else record
             problems.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
     return problems
-
-
-_NEEDS = (
-    ("records", "give ground motions by name"),
-    ("problems", "give a list of problems: name, model and scales"),
-)
 
 
 def _entry(

@@ -7,6 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field, replace
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -21,9 +22,9 @@ from tdint.analysis.chart.problem import (
     errors_of_peaks,
     find_reference,
     pose,
-    reached,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
+from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
@@ -311,7 +312,8 @@ def measure(
     progress("compiling", 0.0)
     problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
-    reference = find_reference(problem, reached(problem, (*choices, record_steps)), cached=cached)
+    samples = max(steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps))
+    reference = find_reference(problem, samples, cached=cached)
     # The usual method at the record's step is measured in any case: other costs are told over its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     points = _timed(problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress)
@@ -339,10 +341,7 @@ def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float],
     repeats : int
         How often each run is timed.
     """
-
-    def judge(response: Response) -> RelativeErrors:
-        return errors_of_peaks(response.stories.peak_drift, chart.reference.motion)
-
+    judge = partial(errors_of_peaks, reference=chart.reference.motion)
     points = [
         point
         for integrator in map(parse, CHOOSING)
@@ -464,7 +463,7 @@ def _timed(
     # Outcome and errors, without times; a building that runs away has no motion.
     for integrator, steps in pairs:
         advance("errors", steps)
-        outcome = problem.outcome(integrator, steps)
+        outcome = attempt(problem.case(integrator), steps).status
         point = Point(integrator.label, steps.h, steps.count, outcome, line=integrator.label)
         if outcome in (DONE, *FALLEN):
             march = problem.march(integrator, steps, keep=True)
@@ -509,14 +508,16 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 # ---- Performance profiles: costs over those of the best, of many problems
 
 
-def performance_ratios(costs: Array) -> Array:
-    """Costs over the least of each row: a problem each row, a solver each column, nan where it does not solve it.
+def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
+    """Costs over the least of ours in each row: a problem each row, a solver each column, nan where it does not solve
+    it.
 
-    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M).
+    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M); 0 where it does, and
+    none of ours.
     """
-    costs = np.where(np.isnan(costs), math.inf, np.asarray(costs, dtype=np.float64))
-    least = np.min(costs, axis=1, keepdims=True)
-    return np.where(np.isfinite(costs), costs / np.where(np.isfinite(least), least, 1.0), math.inf)
+    unsolved = np.isnan(costs)
+    least = np.min(np.where(unsolved, math.inf, costs)[:, np.array(ours)], axis=1, keepdims=True, initial=math.inf)
+    return np.where(unsolved, math.inf, costs / least)
 
 
 @dataclass(frozen=True)
