@@ -160,7 +160,7 @@ class Rest:
     quiet: float = 0.0
 
 
-_NO_REST = Rest()
+NO_REST = Rest()
 
 
 @dataclass(frozen=True)
@@ -289,9 +289,7 @@ class PreparedBuilding:
         code = self._in_pieces(go, steps)
         return Marched(space, code, system.seconds() - began, time.perf_counter() - wall)
 
-    def march_pieces(
-        self, integrator: Integrator, steps: Steps, ground: Array | None, *, every: int
-    ) -> Iterator[Workspace]:
+    def march_pieces(self, integrator: Integrator, steps: Steps, ground: Array, *, every: int) -> Iterator[Workspace]:
         """Integrate as `march` does, and see the history in pieces, a row every so many steps.
 
         Yields
@@ -305,16 +303,16 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
-        rows = max(2, _PIECE_BYTES // (8 * history_width(self.building, integrator)))
+        width = history_width(self.building)
+        rows = max(2, _PIECE_BYTES // (8 * width))
         space = self._ready(integrator, steps.h, 0, math.inf)
-        motion = np.zeros(1) if ground is None else ground
         done, total = 0, steps.count // every + 1
         while done < steps.count:
             before = done // every + 1 if done else 0
             last = min((before + rows) * every - 1, steps.count)
             space.every, space.before = every, before
-            space.history = np.zeros((min(rows, total - before), history_width(self.building, integrator)))
-            go = self.loop(integrator, steps.h, motion, space)
+            space.history = np.zeros((min(rows, total - before), width))
+            go = self.loop(integrator, steps.h, ground, space)
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             if len(space.history):
@@ -347,7 +345,10 @@ class PreparedBuilding:
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            space.forget_peaks()
+            # Peaks are looked for anew, also where the method keeps some of its own.
+            space.peaks[:] = 0.0
+            if own := int(space.report[at.OWN_PEAKS]):
+                space.work[own : own + 2 * at.PEAK_ROWS] = 0.0
 
     def march_many(
         self,
@@ -357,7 +358,7 @@ class PreparedBuilding:
         runs: Sequence[Lane],
         *,
         collapse_drift: float = math.inf,
-        rest: Rest | None = None,
+        rest: Rest = NO_REST,
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
 
@@ -375,7 +376,7 @@ class PreparedBuilding:
         """
         space = self._ready(integrator, h, 0, collapse_drift)
         marched = MarchedRuns.empty(len(runs), self.building.stories)
-        self._many(integrator, h, samples, runs, space)(runs, marched, rest or _NO_REST)
+        self._many(integrator, h, samples, runs, space)(runs, marched, rest)
         return marched
 
     def march_drawn(
@@ -453,7 +454,7 @@ class PreparedBuilding:
         )
 
         # The loop over the runs is compiled, too: its arguments are put together once for all.
-        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = _NO_REST) -> None:
+        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = NO_REST) -> None:
             table = [(*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride) for lane in lanes]
             many.compiled(
                 *(*before, samples, np.array(table, float), *behind),
