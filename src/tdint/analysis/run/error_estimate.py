@@ -132,10 +132,10 @@ def ended_at_rest(response: Response) -> Response:
     return replace(response, check=replace(response.check, errors=errors))
 
 
-def attempt(case: Case, steps: Steps) -> Response | FailedRun:
+def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:
     """The response to `steps`, or why there is none."""
     try:
-        return case.march(steps)
+        return case.march(steps, history)
     except FailedRun as failure:
         return failure
 
