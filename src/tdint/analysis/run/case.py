@@ -315,13 +315,7 @@ class Case:
             yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
-        return self.prepared.march(
-            self.method,
-            steps,
-            self.ground,
-            rows=steps.count if history else 0,
-            collapse_drift=self.model.collapse_drift,
-        )
+        return self.prepared.march(self.method, steps, self.ground, rows=steps.count if history else 0)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         residual = float(space.report[at.RESIDUAL])
@@ -543,9 +537,7 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     Where the run fails on the way, the steps are those with which it does.
     """
     rest, lane = windows(case.prepared, steps.h), Lane(0, case.ground.size, 1.0, steps)
-    marched = case.prepared.march_many(
-        case.method, steps.h, case.ground, [lane], collapse_drift=case.model.collapse_drift, rest=rest
-    )
+    marched = case.prepared.march_many(case.method, steps.h, case.ground, [lane], rest)
     code, count, at_rest = marched.ends[0].tolist()
     if code < 0:
         count += rest.window

@@ -178,12 +178,15 @@ class PreparedBuilding:
         Forces on floors, as `force_table` makes them; none by default.
     displacement, velocity : ndarray, shape (n,)
         At t = 0 relative to the ground, m and m/s; at rest by default.
+    collapse_drift : float
+        Drift ratio beyond which a story has collapsed: when one first is, marches note.
     """
 
     building: Building
     forces: Array = field(default_factory=lambda: np.zeros((0, at.FORCE_COLUMNS)))
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
+    collapse_drift: float = math.inf
     _coefficients: dict[tuple[str, float], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _instability: dict[tuple[str, float], Instability | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -203,6 +206,7 @@ class PreparedBuilding:
             force_table(model.excitation.forces),
             np.array(model.initial.displacement),
             np.array(model.initial.velocity),
+            model.collapse_drift,
         )
 
     @cached_property
@@ -252,15 +256,7 @@ class PreparedBuilding:
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 
-    def march(
-        self,
-        integrator: Integrator,
-        steps: Steps,
-        ground: Array | None = None,
-        *,
-        rows: int = 0,
-        collapse_drift: float = math.inf,
-    ) -> Marched:
+    def march(self, integrator: Integrator, steps: Steps, ground: Array | None = None, *, rows: int = 0) -> Marched:
         """Integrate from the initial state over the steps.
 
         Parameters
@@ -270,8 +266,6 @@ class PreparedBuilding:
             at rest.
         rows : int
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
-        collapse_drift : float
-            Drift ratio beyond which a story has collapsed: when one first is, is noted.
 
         Raises
         ------
@@ -282,7 +276,7 @@ class PreparedBuilding:
         """
         if rows and steps.count % rows:
             raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
-        space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
+        space = self._ready(integrator, steps.h, rows + 1 if rows else 0)
         space.every = steps.count // rows if rows else 1
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
@@ -305,7 +299,7 @@ class PreparedBuilding:
         # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
         width = history_width(self.building)
         rows = max(2, _PIECE_BYTES // (8 * width))
-        space = self._ready(integrator, steps.h, 0, math.inf)
+        space = self._ready(integrator, steps.h)
         done, total = 0, steps.count // every + 1
         while done < steps.count:
             before = done // every + 1 if done else 0
@@ -339,7 +333,7 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        space = self._ready(integrator, steps.h, 0, math.inf)
+        space = self._ready(integrator, steps.h)
         go = self.loop(integrator, steps.h, ground, space)
         for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
@@ -351,14 +345,7 @@ class PreparedBuilding:
                 space.work[own : own + 2 * at.PEAK_ROWS] = 0.0
 
     def march_many(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[Lane],
-        *,
-        collapse_drift: float = math.inf,
-        rest: Rest = NO_REST,
+        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[Lane], rest: Rest = NO_REST
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
 
@@ -374,20 +361,13 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        space = self._ready(integrator, h, 0, collapse_drift)
+        space = self._ready(integrator, h)
         marched = MarchedRuns.empty(len(runs), self.building.stories)
         self._many(integrator, h, samples, runs, space)(runs, marched, rest)
         return marched
 
     def march_drawn(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[tuple[int, Lane]],
-        drawn: DrawnBuildings,
-        *,
-        collapse_drift: float = math.inf,
+        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[tuple[int, Lane]], drawn: DrawnBuildings
     ) -> MarchedRuns:
         """Integrate runs of buildings that differ from this one in numbers: each is the one that `march` makes of it.
 
@@ -419,7 +399,7 @@ class PreparedBuilding:
                 names = ("linear_terms", "law_parameters", "modal")
                 building = replace(self.building, **dict(zip(names, arrays, strict=True)))
                 prepared = replace(self, building=building)
-                space = prepared._ready(integrator, h, 0, collapse_drift)
+                space = prepared._ready(integrator, h)
                 shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
             prepared, space, go = shared[kind]
             prepared.building.linear_terms[...] = drawn.linear_terms[d]
@@ -472,7 +452,6 @@ class PreparedBuilding:
         *,
         every: int,
         see: Callable[[int, Array], None],
-        collapse_drift: float = math.inf,
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s), each of which is the one that `march` makes, and see their histories.
 
@@ -495,7 +474,7 @@ class PreparedBuilding:
             The method does not integrate this building; the memory does not hold the history.
         """
         rows = max(steps.count for _, _, steps in motions) // every + 1
-        space = self._ready(integrator, h, rows, collapse_drift)
+        space = self._ready(integrator, h, rows)
         # What a run changes is put back before the next one.
         begun = [(array, array.copy()) for array in (*space.memory, space.watch, space.peaks, space.totals)]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
@@ -516,16 +495,16 @@ class PreparedBuilding:
             see(r, space.history[: reached // every + 1])
         return marched
 
-    def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:
+    def _ready(self, integrator: Integrator, h: float, rows: int = 0) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
         if reason := unsuited(integrator, self.building):
             raise AnalysisError(reason)
         self.compile([integrator])
-        return self.arrays(integrator, h, rows, collapse_drift)
+        return self.arrays(integrator, h, rows)
 
-    def arrays(self, integrator: Integrator, h: float, rows: int, collapse_drift: float = math.inf) -> Workspace:
+    def arrays(self, integrator: Integrator, h: float, rows: int) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, with so many rows of its history."""
-        space = workspace(self.building, integrator, rows, collapse_drift)
+        space = workspace(self.building, integrator, rows, self.collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity
         space.flags[at.FAST] = self.building.fastest * h > _RESOLVED

@@ -578,7 +578,6 @@ def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Se
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
         every=result.every,
         see=see,
-        collapse_drift=subject.model.collapse_drift,
     )
 
 

@@ -191,8 +191,7 @@ def run_together(
         marched = march()
     else:
         lanes, rest = [motions.lane(*run) for run in runs], windows(prepared, h) if to_rest else NO_REST
-        drift = subject.model.collapse_drift
-        marched = prepared.march_many(subject.integrator, h, motions.samples, lanes, collapse_drift=drift, rest=rest)
+        marched = prepared.march_many(subject.integrator, h, motions.samples, lanes, rest)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
     for i in np.flatnonzero(doubtful(marched)).tolist():
         outcomes.settle(i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history))
@@ -220,9 +219,7 @@ def run_drawn(
     """
     h, places = runs[0][1][2].h, [d for d, _ in runs]
     lanes = [(d, motions.lane(*run)) for d, run in runs]
-    marched = subject.prepared.march_drawn(
-        subject.integrator, h, motions.samples, lanes, drawn, collapse_drift=subject.model.collapse_drift
-    )
+    marched = subject.prepared.march_drawn(subject.integrator, h, motions.samples, lanes, drawn)
     outcomes = Outcomes.of(drawn.of_runs(places), marched, False)
     for i in np.flatnonzero(doubtful(marched)).tolist():
         d, (number, scale, steps) = runs[i]
