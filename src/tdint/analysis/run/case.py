@@ -397,11 +397,7 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = energy_of(space.totals)
-        stories = story_peaks(self.building, space)
-        unresolved = unresolved_errors(self.building, space, steps.late)
-        moving = moving_drift(self.building, space)
-        notes = self._notes(steps, space, stories, unresolved, moving, bool(collapse and collapse.ended))
+        energy, stories = energy_of(space.totals), story_peaks(self.building, space)
         # Isolators are made for it, and what has no height is no story of a frame.
         usual = np.isfinite(self.building.heights) & (not self.model.as_meant)
         ductility = np.where(usual, stories.ductility, math.nan)
@@ -415,7 +411,7 @@ class Case:
             )
         kept = space.history.size
         history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
-        return Response(
+        response = Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
@@ -430,18 +426,18 @@ class Case:
             energy=energy,
             history=history,
             pieces=partial(self.pieces, steps, energy.largest),
-            notes=notes,
-            unresolved=unresolved,
-            moving_drift=moving,
+            notes=(),
+            unresolved=unresolved_errors(self.building, space, steps.late),
+            moving_drift=moving_drift(self.building, space),
             collapse=collapse,
             warnings=tuple(warnings),
         )
+        return replace(response, notes=self._notes(response))
 
-    def _notes(
-        self, steps: Steps, space: Workspace, stories: StoryPeaks, unresolved: StoryErrors, moving: Array, ended: bool
-    ) -> tuple[str, ...]:
-        """What there is to say of a run, which may have `ended` before its time by a collapse."""
-        record, end = self.record, steps.count * steps.h
+    def _notes(self, response: Response) -> tuple[str, ...]:
+        """What there is to say of a run, which a collapse may have ended before its time."""
+        record, end, moving = self.record, response.steps * response.dt, response.moving_drift
+        ended = response.collapse is not None and response.collapse.ended
         notes = [*as_meant(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
@@ -450,15 +446,15 @@ class Case:
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
-        if halvings := int(space.totals[at.HALVINGS]):
-            notes.append(f"steps that did not converge were halved, {how_many(halvings, 'time')} in all")
+        if response.halvings:
+            notes.append(f"steps that did not converge were halved, {how_many(response.halvings, 'time')} in all")
         # Peaks that the step is too long to tell.
         kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
         kinds["accelerations"] = "peak_acceleration"
         hidden = [
             words
             for words, name in kinds.items()
-            if np.any(getattr(unresolved, name) > _UNRESOLVED * getattr(stories, name))
+            if np.any(getattr(response.unresolved, name) > _UNRESOLVED * getattr(response.stories, name))
         ]
         if hidden:
             notes.append(
@@ -467,7 +463,7 @@ class Case:
             )
         # Drifts at the end that are not residual ones; under forces on floors there is no rest.
         i = int(np.argmax(moving))
-        still = moving[i] <= _MOVING * np.max(stories.peak_drift)
+        still = moving[i] <= _MOVING * np.max(response.stories.peak_drift)
         if record and not (ended or self.model.excitation.forces or still):
             length, size = self.model.output_units.unit("m")
             by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"

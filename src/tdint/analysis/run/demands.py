@@ -144,13 +144,12 @@ class Demands(Generic[Found]):
 DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if isinstance(demand, Demand))
 """The demands of `Demands`."""
 
-
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
-        Demand(quantity.unit, f"{quantity.meaning}; of all stories", called=quantity.called, name=quantity.name)
-        for quantity in STORY
-        if "summary" in quantity.shown
+        Demand(one.unit, f"{one.meaning}; of all stories", name=one.name)
+        for one in STORY
+        if one.name == "peak_damper_force"
     ),
 )
 """What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
