@@ -147,9 +147,9 @@ DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
-        Demand(one.unit, f"{one.meaning}; of all stories", name=one.name)
-        for one in STORY
-        if one.name == "peak_damper_force"
+        Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
+        for quantity in STORY
+        if quantity.name == "peak_damper_force"
     ),
 )
 """What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
