@@ -68,17 +68,6 @@ class FloorMotion:
 
 
 @dataclass(frozen=True)
-class March:
-    """What a march costs, solves and s in the compiled loop by both clocks of `Marched`, and its motion if it was
-    kept."""
-
-    iterations: int
-    seconds: float
-    wall: float
-    motion: FloorMotion | None
-
-
-@dataclass(frozen=True)
 class Problem:
     """A building, its load, and the time over which it is integrated.
 
@@ -157,21 +146,15 @@ class Problem:
         dt = None if self.record else self.interval
         return run_case(self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
 
-    def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
-        """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
-
-        The time is that of the loop as `tdint run` without --history has it: with peaks and energies. It is of no use
-        with `keep`. There is no motion where the march does not reach its end.
-        """
-        rows = steps.count // steps.per_sample if keep else 0
-        marched = self.prepared.march(integrator, steps, self.ground, rows=rows)
-        space = marched.space
-        motion = None
-        if keep and marched.code == 0:
-            n = self.building.stories
-            u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
-        return March(int(space.totals[at.ITERATIONS]), marched.seconds, marched.wall, motion)
+    def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
+        """The motion at the samples (or at the steps, if these are longer); None where the march does not reach its
+        end."""
+        marched = self.prepared.march(integrator, steps, self.ground, rows=steps.count // steps.per_sample)
+        if marched.code < 0:
+            return None
+        space, n = marched.space, self.building.stories
+        u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
+        return FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
 
 
 def pose(
@@ -407,10 +390,10 @@ def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: 
 
 def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:
     h = problem.interval / parts
-    march = problem.march(parse(method), Steps(h, samples * parts, per_sample=parts), keep=True)
-    if march.motion is None:
+    motion = problem.motion(parse(method), Steps(h, samples * parts, per_sample=parts))
+    if motion is None:
         raise AnalysisError(f"no reference: {method} with dt {h:.6g} s does not reach the end")
-    return march.motion
+    return motion
 
 
 # ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.

@@ -384,7 +384,7 @@ def _others(posed: Problem, dts: Sequence[float], true: StoryPeaks) -> tuple[lis
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
     h = posed.interval / _FINE
-    motion = posed.march(parse("impulse4"), posed.steps(h), keep=True).motion
+    motion = posed.motion(parse("impulse4"), posed.steps(h))
     assert motion is not None  # it has come to its end before
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
     gap, said = opensees_gap(posed, reference, _SURE * min(TOLERANCES))

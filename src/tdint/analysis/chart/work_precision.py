@@ -32,7 +32,7 @@ from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
-from tdint.model.damage_states import DONE, FALLEN
+from tdint.model.damage_states import DONE
 from tdint.tabular import Progress as Counted
 from tdint.tabular import Tabular, told_progress
 from tdint.written_numbers import how_many
@@ -463,22 +463,20 @@ def _timed(
     # Outcome and errors, without times; a building that runs away has no motion.
     for integrator, steps in pairs:
         advance("errors", steps)
-        outcome = attempt(problem.case(integrator), steps).status
-        point = Point(integrator.label, steps.h, steps.count, outcome, line=integrator.label)
-        if outcome in (DONE, *FALLEN):
-            march = problem.march(integrator, steps, keep=True)
-            if march.motion is not None:
-                off = errors(march.motion, reference.motion)
-                point = replace(point, iterations=march.iterations, errors=off)
+        ended = attempt(problem.case(integrator), steps)
+        point = Point(integrator.label, steps.h, steps.count, ended.status, line=integrator.label)
+        if isinstance(ended, Response) and (motion := problem.motion(integrator, steps)) is not None:
+            point = replace(point, iterations=ended.iterations, errors=errors(motion, reference.motion))
         points[integrator, steps] = point
-    # One time of each by turns, so that other work on the machine falls on all alike.
+    # One time of each by turns, so that other work on the machine falls on all alike: that of the loop as `tdint run`
+    # without --history has it, with peaks and energies.
     verdict: object = None
     for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
         for pair, point in points.items():
             if turn <= repeats:
                 advance("times", pair[1])
             if point.errors:
-                march = problem.march(*pair)
+                march = problem.prepared.march(*pair, problem.ground)
                 points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
         before, verdict = verdict, judge(list(points.values())) if judge else None
         if turn >= repeats and verdict == before:
