@@ -388,23 +388,20 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         marched = MarchedRuns.empty(len(runs), self.building.stories)
-        lanes = [lane for _, lane in runs]
+        lanes, drawn_arrays = [lane for _, lane in runs], ("linear_terms", "law_parameters", "modal")
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
             # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal damping.
             kind = devices[d], len(drawn.modal[d])
             if kind not in shared:
-                arrays = drawn.linear_terms[d].copy(), drawn.law_parameters[d].copy(), drawn.modal[d].copy()
-                names = ("linear_terms", "law_parameters", "modal")
-                building = replace(self.building, **dict(zip(names, arrays, strict=True)))
+                building = replace(self.building, **{name: getattr(drawn, name)[d].copy() for name in drawn_arrays})
                 prepared = replace(self, building=building)
                 space = prepared._ready(integrator, h)
                 shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
             prepared, space, go = shared[kind]
-            prepared.building.linear_terms[...] = drawn.linear_terms[d]
-            prepared.building.law_parameters[...] = drawn.law_parameters[d]
-            prepared.building.modal[...] = drawn.modal[d]
+            for name in drawn_arrays:
+                getattr(prepared.building, name)[...] = getattr(drawn, name)[d]
             space.flags[at.FAST] = fast[d]
             space.limits[1] = drawn.heights[d]
             go([lane], marched.part(r, r + 1))

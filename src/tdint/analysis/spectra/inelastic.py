@@ -254,8 +254,21 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
     """
     if target == 1.0:
         return start
+    from scipy.optimize import brentq
+
+    # By Brent's method on the logarithms, which lie nearly on a line
     low, high = _bracket(ductility, target, start)
-    return _solve(ductility, target, low, high)
+    values = {math.log(ratio): value for ratio, value in (low, high)}
+
+    def excess(x: float) -> float:
+        value = values[x] if x in values else ductility(math.exp(x))
+        log = math.log(max(value, 0.1) / target)
+        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
+
+    ends = sorted(values)
+    if excess(ends[0]) == 0.0:
+        return low[0]
+    return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))
 
 
 Point = tuple[float, float]
@@ -311,20 +324,3 @@ def _summit(ductility: Callable[[float], float], target: float, low: float, high
     except _Reached as reached:
         return reached.point
     return float(minimum.x), -float(minimum.fun)
-
-
-def _solve(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> float:
-    """The ratio with the target in a bracket, by Brent's method on the logarithms, which lie nearly on a line."""
-    from scipy.optimize import brentq
-
-    values = {math.log(ratio): value for ratio, value in (low, high)}
-
-    def excess(x: float) -> float:
-        value = values[x] if x in values else ductility(math.exp(x))
-        log = math.log(max(value, 0.1) / target)
-        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
-
-    ends = sorted(values)
-    if excess(ends[0]) == 0.0:
-        return low[0]
-    return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))
