@@ -213,10 +213,7 @@ FAMILY = Family(
 )
 
 CHANG = replace(
-    FAMILY,
-    step=chang_step,
-    work_rows=lambda modes: _STORE + 2 * (2 * modes + 1),
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    FAMILY, step=chang_step, work_rows=lambda modes: _STORE + 2 * (2 * modes + 1), memory=(at.DISPLACEMENT, at.VELOCITY)
 )
 
 

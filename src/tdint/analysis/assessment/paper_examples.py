@@ -23,15 +23,7 @@ from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Several
 
-METHODS = (
-    "impulse",
-    "newmark-average",
-    "newmark-linear",
-    "central-difference",
-    "wilson",
-    "u0v0",
-    "rk5",
-)
+METHODS = ("impulse", "newmark-average", "newmark-linear", "central-difference", "wilson", "u0v0", "rk5")
 """The paper's seven methods; `impulse` is the one that it proposes."""
 
 FIVE = ("impulse", "central-difference", "newmark-linear", "newmark-average", "wilson")

@@ -219,13 +219,9 @@ class FieldChart(Tabular):
                 profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
         return tuple(profiles)
 
-    def taken(self, line: str) -> int:
-        """Problems that a method takes."""
-        return sum(any(point.line == line for point in measured.points) for measured in self.measured)
-
     def named(self, line: str) -> str:
         """The method, and how many problems it takes if not all."""
-        taken = self.taken(line)
+        taken = sum(any(point.line == line for point in measured.points) for measured in self.measured)
         return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:

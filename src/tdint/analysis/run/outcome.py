@@ -82,8 +82,7 @@ class StoryValues:
         ),
     ]
     peak_displacement: Annotated[
-        Array,
-        Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT)),
+        Array, Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT))
     ]
     peak_velocity: Annotated[
         Array, Quantity("m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY))

@@ -134,13 +134,7 @@ def run_sequence(
     whole = sequence.whole
     joined, duration = replace(case.under(whole), remarks=(*case.remarks, *sequence.notes)), whole.duration
     response = run_case(
-        joined,
-        dt=dt,
-        duration=duration,
-        history=history,
-        check=check,
-        tolerance=tolerance,
-        until_rest=until_rest,
+        joined, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
     )
     # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)

@@ -67,12 +67,7 @@ class Workspace:
         return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
 
 
-def workspace(
-    building: Building,
-    integrator: Integrator,
-    rows: int = 0,
-    collapse_drift: float = math.inf,
-) -> Workspace:
+def workspace(building: Building, integrator: Integrator, rows: int = 0, collapse_drift: float = math.inf) -> Workspace:
     """Fresh arrays for one run, with so many rows of its history.
 
     Raises

@@ -87,12 +87,7 @@ def _quotient(above: Array, below: Array) -> Array:
 
 
 def constant_ductility(
-    record: AnyRecord,
-    periods: Array,
-    ductilities: Sequence[float],
-    damping: float = 0.05,
-    *,
-    hardening: float = 0.0,
+    record: AnyRecord, periods: Array, ductilities: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
 ) -> list[InelasticSpectrum]:
     """Spectra of the strengths that lead to given ductilities.
 
@@ -139,12 +134,7 @@ def constant_ductility(
 
 
 def constant_strength(
-    record: AnyRecord,
-    periods: Array,
-    strengths: Sequence[float],
-    damping: float = 0.05,
-    *,
-    hardening: float = 0.0,
+    record: AnyRecord, periods: Array, strengths: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
 ) -> list[InelasticSpectrum]:
     """Spectra of oscillators of given strengths.
 
