@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,8 +99,7 @@ class Motions:
     def starts(self) -> Mapping[int, int]:
         """Where each begins in `samples`."""
         sizes = [record.acceleration.size for record in self.records.values()]
-        starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
-        return dict(zip(self.records, starts, strict=True))
+        return dict(zip(self.records, accumulate(sizes[:-1], initial=0), strict=True))
 
     def lane(self, number: int, scale: float, steps: Steps) -> Lane:
         """A run under one of them, times a factor."""
@@ -135,12 +134,8 @@ class MarchedRuns:
     @classmethod
     def empty(cls, runs: int, stories: int) -> MarchedRuns:
         """Room for so many runs."""
-        return cls(
-            peaks=np.zeros((runs, 2 * at.PEAK_ROWS, stories)),
-            drifts=np.zeros((runs, stories)),
-            totals=np.zeros((runs, at.TOTALS_SIZE)),
-            ends=np.zeros((runs, END_COLUMNS)),
-        )
+        shapes = (2 * at.PEAK_ROWS, stories), (stories,), (at.TOTALS_SIZE,), (END_COLUMNS,)
+        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 @dataclass(frozen=True)
