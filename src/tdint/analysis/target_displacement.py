@@ -147,12 +147,6 @@ class _Pushed:
         """The largest base shear up to a displacement of the roof."""
         return max(float(np.max(self.shear[self.roof <= displacement], initial=0.0)), self.at(displacement)[0])
 
-    def first_at(self, shear: Array) -> Array:
-        """The first displacements at which base shears are reached."""
-        i = np.argmax(self.shear[:, None] >= shear, axis=0)
-        low, high = self.shear[i - 1], self.shear[i]
-        return np.asarray(self.roof[i - 1] + (self.roof[i] - self.roof[i - 1]) * (shear - low) / (high - low))
-
 
 @dataclass(frozen=True)
 class _Idealized:
@@ -277,8 +271,10 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
         i = crossed[0]
         part = -low[i] / (high[i] - low[i])
         return float(forces[0, i] + part * np.ptp(forces[:, i])), float(yields[0, i] + part * np.ptp(yields[:, i]))
-    # A curve that never yields is its first line.
-    return largest, float(curve.first_at(np.array([_SECANT * largest]))[0] / _SECANT)
+    # A curve that never yields is its first line, through the first point at which the secant's force is reached.
+    secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
+    (start, stop), (low_force, high_force) = curve.roof[i - 1 : i + 1], curve.shear[i - 1 : i + 1]
+    return largest, float((start + (stop - start) * (secant - low_force) / (high_force - low_force)) / _SECANT)
 
 
 def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized]) -> _Idealized:

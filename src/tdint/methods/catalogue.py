@@ -252,12 +252,8 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    given = (
-        [specifications]
-        if isinstance(specifications, str)
-        else list(catalogue() if specifications is None else specifications)
-    )
-    return list(dict.fromkeys(map(parse, given)))
+    given = [specifications] if isinstance(specifications, str) else specifications
+    return list(dict.fromkeys(map(parse, catalogue() if given is None else given)))
 
 
 def list_methods(specifications: str | Iterable[str] | None = None) -> Several[Integrator]:

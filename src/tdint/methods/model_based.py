@@ -23,6 +23,7 @@ All are stable for every step in a linear building and where stories soften, but
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
@@ -211,14 +212,8 @@ FAMILY = Family(
     limited_by_stiffening=True,
 )
 
-CHANG = Family(
-    "model-based",
-    chang_step,
-    lambda modes: _STORE + 2 * (2 * modes + 1),
-    memory=(at.DISPLACEMENT, at.VELOCITY),
-    halvable=False,
-    power_dampers=False,
-    limited_by_stiffening=True,
+CHANG = replace(
+    FAMILY, step=chang_step, work_rows=lambda modes: _STORE + 2 * (2 * modes + 1), memory=(at.DISPLACEMENT, at.VELOCITY)
 )
 
 

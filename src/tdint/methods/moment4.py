@@ -68,14 +68,7 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     return r, 12.0 / (1.0 + 6.0 * r)
 
 
-FAMILY = Family(
-    "moment4",
-    step,
-    work_rows,
-    memory=(at.DISPLACEMENT, at.VELOCITY),
-    own_work=True,
-    parabolic=True,
-)
+FAMILY = Family("moment4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), own_work=True, parabolic=True)
 METHODS = (
     Method(
         name="moment4",

@@ -390,7 +390,6 @@ METHODS = (
     Method(
         name="rk5",
         family=EXPLICIT,
-        parameters=(),
         coefficients=lambda: explicit_row(DORMAND_PRINCE),
         order=lambda: 5,
         implicit=lambda: False,
@@ -401,11 +400,8 @@ METHODS = (
     Method(
         name="gauss4",
         family=IMPLICIT,
-        parameters=(),
         coefficients=lambda: implicit_row(GAUSS, (0.5, 0.5)),
         order=lambda: 4,
-        implicit=lambda: True,
-        stability_limit=lambda: math.inf,
         rho_inf=lambda: 1.0,
         source="two-stage Gauss method, Kuntzmann (1961) and Butcher (1964)",
     ),

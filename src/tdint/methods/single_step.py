@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,32 +174,20 @@ def _collocation_limit(beta: float, theta: float) -> float:
 
 
 def _member(
-    name: str,
-    row: Callable[..., tuple[float, ...]],
-    source: str,
-    *parameters: Parameter,
-    limit: Callable[..., float] = lambda *values: math.inf,
-    order: Callable[..., int] = lambda *values: 2,
-    rho_inf: Callable[..., float] | None = None,
+    name: str, row: Callable[..., tuple[float, ...]], source: str, *parameters: Parameter, **declared: Any
 ) -> Method:
-    def measured(*values: float) -> float:
-        return _rho_inf(row(*values)) if limit(*values) == math.inf else math.nan
+    """A method of the family: what follows from its row unless it is `declared`, by the fields of `Method`."""
 
-    return Method(
-        name=name,
-        family=FAMILY,
-        parameters=parameters,
-        coefficients=row,
-        order=order,
-        implicit=lambda *values: row(*values)[L3W3] != 0.0,
-        stability_limit=limit,
-        rho_inf=rho_inf or measured,
-        source=source,
-    )
+    def rho_inf(*values: float) -> float:
+        return _rho_inf(row(*values)) if method.stability_limit(*values) == math.inf else math.nan
+
+    declared = {"rho_inf": rho_inf, "implicit": lambda *values: row(*values)[L3W3] != 0.0, **declared}
+    method = Method(name=name, family=FAMILY, parameters=parameters, coefficients=row, source=source, **declared)
+    return method
 
 
 def _newmark(name: str, beta: float, source: str) -> Method:
-    return _member(name, lambda: newmark(beta, 0.5), source, limit=lambda: _newmark_limit(beta, 0.5))
+    return _member(name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5))
 
 
 METHODS = (
@@ -208,7 +197,7 @@ METHODS = (
         "Newmark (1959)",
         Parameter("beta", 0.25, 0.0, 1.0),
         Parameter("gamma", 0.5, 0.5, 1.0),
-        limit=_newmark_limit,
+        stability_limit=_newmark_limit,
         order=lambda beta, gamma: 2 if gamma == 0.5 else 1,
     ),
     _newmark("newmark-average", 1.0 / 4.0, "Newmark (1959), average acceleration: beta 1/4, gamma 1/2"),
@@ -242,14 +231,14 @@ METHODS = (
         "Hilber and Hughes (1978), gamma 1/2",
         Parameter("beta", 0.24, 1.0 / 6.0, 0.25),
         Parameter("theta", collocation_theta, 1.0, 10.0),
-        limit=_collocation_limit,
+        stability_limit=_collocation_limit,
     ),
     _member(
         "wilson",
         lambda theta: collocation(1.0 / 6.0, theta),
         "Wilson (1968), theta method; Bathe and Wilson (1973)",
         Parameter("theta", 1.4, 1.0, 10.0),
-        limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
+        stability_limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
     ),
     _member(
         "u0v0",

@@ -61,7 +61,7 @@ PROBLEMS = {
 def ours(problem, name, dt):
     """A reference that is one of our methods with one step, so that errors against it are differences from us."""
     steps = problem.steps(dt)
-    return Reference(name, dt, "", NOTHING, problem.march(parse(name), steps, keep=True).motion)
+    return Reference(name, dt, "", NOTHING, problem.motion(parse(name), steps))
 
 
 @pytest.fixture(params=["stand-in", pytest.param("openseespy", marks=installed)])

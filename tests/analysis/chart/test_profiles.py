@@ -36,7 +36,11 @@ NAN, INF = math.nan, math.inf
 
 def test_ratios_are_costs_over_the_least_of_their_problem():
     costs = np.array([[1.0, 2.0, NAN], [4.0, 2.0, 8.0], [NAN, NAN, NAN]])
-    np.testing.assert_array_equal(performance_ratios(costs), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF, INF, INF]])
+    np.testing.assert_array_equal(performance_ratios(costs, [True] * 3), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF] * 3])
+    # One that is not ours leaves the least as it is.
+    np.testing.assert_array_equal(
+        performance_ratios(costs, [True, False, False]), [[1.0, 2.0, INF], [1.0, 0.5, 2.0], [INF] * 3]
+    )
 
 
 def test_a_profile_counts_what_is_solved_at_a_factor():

@@ -9,6 +9,8 @@ from functools import cache
 
 import numpy as np
 
+from tdint.analysis.run import error_estimate
+from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
@@ -21,6 +23,7 @@ from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.compiling import Kernel
 from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
+from tdint.model.damage_states import DONE
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Progress, Several, told_progress
 
@@ -494,43 +497,24 @@ def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
     return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
 
 
-def _attempt(integrator: Integrator, problem: HardProblem, dt: float, steps: int) -> Trial:
-    without = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
-    prepared = PreparedBuilding.of(problem.model)
-    if integrator.family.linear_only and not prepared.building.linear:
-        return without
+def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int) -> Trial:
+    trial = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
+    case = Case(problem.model, PreparedBuilding.of(problem.model), None, integrator)
+    if integrator.family.linear_only and not case.building.linear:
+        return trial
+    steps = case.steps(dt, dt * count)
     # A run that is refused names the largest stable step, which takes longer than most runs: it is asked for before.
-    outcome = "done" if prepared.instability(integrator, dt) is None else UNSTABLE
-    ended = _run(integrator, problem, dt, steps, allow_unstable=outcome != "done")
-    if outcome == "done" and isinstance(ended, FailedRun):
-        outcome = ended.status
-        ended = _run(integrator, problem, dt, steps, allow_unstable=True)
+    outcome = UNSTABLE
+    if case.prepared.instability(integrator, dt) is None:
+        ended = error_estimate.attempt(case, steps, history=True)
+        outcome = ended.status if isinstance(ended, FailedRun) else DONE
+    if outcome != DONE:
+        ended = error_estimate.attempt(replace(case, allow_unstable=True), steps, history=True)
     if isinstance(ended, FailedRun):
         done = round(ended.time / dt)
-        return replace(without, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done)
-    return _judged(replace(without, outcome=outcome), problem, ended)
-
-
-def _run(
-    integrator: Integrator, problem: HardProblem, dt: float, steps: int, allow_unstable: bool
-) -> History | FailedRun:
-    try:
-        response = run(
-            problem.model,
-            method=integrator.label,
-            dt=dt,
-            duration=dt * steps,
-            history=True,
-            check=False,
-            allow_unstable=allow_unstable,
-        )
-    except FailedRun as failure:
-        return failure
-    assert response.history is not None
-    return response.history
-
-
-def _judged(trial: Trial, problem: HardProblem, history: History) -> Trial:
+        return replace(trial, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done)
+    history = ended.history
+    assert history is not None
     ratio = problem.energy(history) / problem.energy_scale
     least, largest = float(np.min(ratio)), float(np.max(ratio))
     error = problem.error(history)
@@ -538,6 +522,7 @@ def _judged(trial: Trial, problem: HardProblem, history: History) -> Trial:
     measure = farthest if problem.by_energy else error
     return replace(
         trial,
+        outcome=outcome,
         energy_ratio_min=least if ratio[0] > 0.0 else math.nan,
         energy_ratio_max=largest,
         error=error,

@@ -15,6 +15,7 @@ import numpy as np
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.given import between
+from tdint.analysis.run.case import energy_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
 from tdint.analysis.static import cyclic_test
@@ -568,12 +569,7 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
                 "at its end?",
             )
         # What is put in is stored, damped or dissipated.
-        totals = spaces[4].totals
-        kept = totals[
-            [at.ENERGY_KINETIC, at.ENERGY_DAMPED, at.ENERGY_DEVICES, at.ENERGY_RECOVERABLE, at.ENERGY_DISSIPATED]
-        ]
-        given = totals[at.ENERGY_START] + totals[at.ENERGY_INPUT]
-        balance = float(abs(given - np.sum(kept)) / totals[at.ENERGY_LARGEST])
+        balance = abs(energy_of(spaces[4].totals).error)
         if not balance <= _BALANCE:
             faults.setdefault(
                 "energy",

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from tdint.analysis.given import numbers_of
-from tdint.analysis.run.outcome import DIVERGED, FailedRun, History
+from tdint.analysis.run.outcome import DIVERGED, FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import Steps
@@ -23,15 +23,7 @@ from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Several
 
-METHODS = (
-    "impulse",
-    "newmark-average",
-    "newmark-linear",
-    "central-difference",
-    "wilson",
-    "u0v0",
-    "rk5",
-)
+METHODS = ("impulse", "newmark-average", "newmark-linear", "central-difference", "wilson", "u0v0", "rk5")
 """The paper's seven methods; `impulse` is the one that it proposes."""
 
 FIVE = ("impulse", "central-difference", "newmark-linear", "newmark-average", "wilson")
@@ -223,8 +215,11 @@ def reference(example: Example, dt: float, method: str = "rk5", finer: int = FIN
         A step so large that even a part of it is too large.
     """
     end = _steps(example, dt) * dt
-    fine = run(example.model, method=method, dt=dt / finer, duration=end, history=True, check=False)
-    return _motion(fine.history, finer)
+    history = run(example.model, method=method, dt=dt / finer, duration=end, history=True, check=False).history
+    assert history is not None
+    return ExampleMotion(
+        history.time[::finer], history.displacement[::finer], history.velocity[::finer], history.acceleration[::finer]
+    )
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
@@ -253,16 +248,8 @@ def _steps(example: Example, dt: float) -> int:
     return max(1, math.floor(example.duration / dt + 1e-9))
 
 
-def _motion(history: History | None, every: int = 1) -> ExampleMotion:
-    assert history is not None
-    return ExampleMotion(
-        history.time[::every], history.displacement[::every], history.velocity[::every], history.acceleration[::every]
-    )
-
-
 def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    end = _steps(example, dt) * dt
-    return _motion(run(example.model, method=integrator.label, dt=dt, duration=end, history=True, check=False).history)
+    return reference(example, dt, integrator.label, 1)
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:

@@ -335,16 +335,8 @@ def overshoot(
             low, high = clear[-2:]
             power = math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
         powers.append(power)
-    return Overshoot(
-        method=method.label,
-        dt_over_t=dt_over_t,
-        damping=damping,
-        start=start,
-        displacement=u / amplitude,
-        velocity=hv / (omega_h * amplitude),
-        displacement_power=powers[0],
-        velocity_power=powers[1],
-    )
+    motion = u / amplitude, hv / (omega_h * amplitude)
+    return Overshoot(method.label, dt_over_t, damping, start, *motion, powers[0], powers[1])
 
 
 def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:

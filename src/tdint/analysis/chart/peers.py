@@ -73,9 +73,6 @@ def _polynomial(_: float, reach: float, *coefficients: float) -> tuple[Any, ...]
     return _elastic(drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients))))
 
 
-Judge = Callable[[Any, FloorMotion, Integrator, Steps], RelativeErrors]
-"""From the peaks of a run, its motion at the samples, its method and its steps to its errors."""
-
 _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "linear": lambda k, *_: ("Elastic", k),
     "bilinear": lambda k, _, strength, hardening, *__: ("Steel01", strength, k, hardening),
@@ -105,7 +102,7 @@ def openseespy_points(
     *,
     repeats: int = _REPEATS,
     share: float = 1.0,
-    judge: Judge | None = None,
+    judge: Callable[[Any], RelativeErrors] | None = None,
 ) -> tuple[list[Point], list[str]]:
     """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and generalized-alpha.
 
@@ -124,7 +121,16 @@ def openseespy_points(
     if why:
         return [], [f"openseespy is left out: {why}"]
     done = int(answer["done"])
-    points = [_point(problem, run, answer, number, reference, judge) for number, run in enumerate(runs[:done])]
+    points = []
+    for number, (integrator, steps) in enumerate(runs[:done]):
+        got = {name.partition("_")[2]: value for name, value in answer.items() if name.startswith(f"{number}_")}
+        label, outcome = f"openseespy/{integrator.label}", str(got["outcome"])
+        point = Point(label, steps.h, steps.count, outcome, line=label)
+        if outcome == DONE:
+            motion = _motion(problem, steps, got["motion"], got["peak_drift"])
+            off = judge(SimpleNamespace(**got)) if judge else errors(motion, reference.motion)
+            point = replace(point, iterations=int(got["iterations"]), errors=off, times=tuple(got["times"].tolist()))
+        points.append(point)
     order = [f"openseespy/{name}" for name in _OPENSEES]
     points.sort(key=lambda point: (order.index(point.line), -point.dt))
     missing = len(runs) - done
@@ -263,27 +269,6 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     }
 
 
-def _point(
-    problem: Problem,
-    run: tuple[Integrator, Steps],
-    answer: dict[str, Any],
-    number: int,
-    reference: Reference,
-    judge: Judge | None,
-) -> Point:
-    """The point that a run is."""
-    integrator, steps = run
-    got = {name.partition("_")[2]: value for name, value in answer.items() if name.startswith(f"{number}_")}
-    name = line = f"openseespy/{integrator.label}"
-    outcome = str(got["outcome"])
-    if outcome != DONE:
-        return Point(name, steps.h, steps.count, outcome, line=line)
-    motion = _motion(problem, steps, got["motion"], got["peak_drift"])
-    times = tuple(got["times"].tolist())
-    off = judge(SimpleNamespace(**got), motion, integrator, steps) if judge else errors(motion, reference.motion)
-    return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), off, times, line=line)
-
-
 def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> FloorMotion:
     """The worker's rows (u, v, a relative to the ground) as a motion."""
     ground = np.interp(
@@ -347,11 +332,10 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     bilinear = laws[at.CODE, :-1] == CODES["bilinear"]
     if not np.all(bilinear | (laws[at.CODE, :-1] == CODES["linear"])):
         return None
-    yields = np.where(bilinear, laws[at.FIRST_PARAMETER, :-1] if bilinear.any() else 0.0, math.inf)
-    hardening = np.where(bilinear, laws[at.FIRST_PARAMETER + 1, :-1] if bilinear.any() else 1.0, 1.0)
-    stiffness = laws[at.STIFFNESS, :-1]
-    soft = 1.0 - hardening
-    strength = np.where(bilinear, soft * np.where(bilinear, yields, 0.0), math.inf)
+    yields, after = laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
+    hardening = np.where(bilinear, after, 1.0)
+    stiffness, soft = laws[at.STIFFNESS, :-1], 1.0 - hardening
+    strength = np.where(bilinear, soft * yields, math.inf)
     return hardening * stiffness + problem.building.linear_terms[at.GEOMETRIC, :-1], soft * stiffness, strength
 
 
@@ -490,10 +474,8 @@ def with_peers(
     openseespy, notes = openseespy_points(problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats)
     progress("scipy", 0.5)
     others, more = solve_ivp_points(problem, chart.reference)
-    return replace(chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others])), [
-        *notes,
-        *more,
-    ]
+    chart = replace(chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others]))
+    return chart, [*notes, *more]
 
 
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:

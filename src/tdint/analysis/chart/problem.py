@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.given import model_record
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import told_run
-from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
@@ -65,17 +65,6 @@ class FloorMotion:
         return FloorMotion(
             stride, self.displacement[part], self.velocity[part], self.acceleration[part], self.peak_drift
         )
-
-
-@dataclass(frozen=True)
-class March:
-    """What a march costs, solves and s in the compiled loop by both clocks of `Marched`, and its motion if it was
-    kept."""
-
-    iterations: int
-    seconds: float
-    wall: float
-    motion: FloorMotion | None
 
 
 @dataclass(frozen=True)
@@ -146,13 +135,6 @@ class Problem:
         """What `tdint run` integrates with a method."""
         return Case(self.model, self.prepared, self.record, integrator)
 
-    def outcome(self, integrator: Integrator, steps: Steps) -> str:
-        """How `tdint run` ends with this method and these steps: its status."""
-        try:
-            return self.case(integrator).march(steps).status
-        except FailedRun as failure:
-            return failure.status
-
     def told(self, integrator: Integrator, steps: Steps) -> float:
         """The largest error of a story's peak drift, over it, that `tdint run` tells beside these; nan for none."""
         response = told_run(self.case(integrator), steps)
@@ -164,21 +146,15 @@ class Problem:
         dt = None if self.record else self.interval
         return run_case(self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
 
-    def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
-        """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
-
-        The time is that of the loop as `tdint run` without --history has it: with peaks and energies. It is of no use
-        with `keep`. There is no motion where the march does not reach its end.
-        """
-        rows = steps.count // steps.per_sample if keep else 0
-        marched = self.prepared.march(integrator, steps, self.ground, rows=rows)
-        space = marched.space
-        motion = None
-        if keep and marched.code == 0:
-            n = self.building.stories
-            u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
-        return March(int(space.totals[at.ITERATIONS]), marched.seconds, marched.wall, motion)
+    def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
+        """The motion at the samples (or at the steps, if these are longer); None where the march does not reach its
+        end."""
+        marched = self.prepared.march(integrator, steps, self.ground, rows=steps.count // steps.per_sample)
+        if marched.code < 0:
+            return None
+        space, n = marched.space, self.building.stories
+        u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
+        return FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
 
 
 def pose(
@@ -219,11 +195,6 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
     if common > problem.samples:
         return problem
     return replace(problem, samples=-(-problem.samples // common) * common)
-
-
-def reached(problem: Problem, all_steps: tuple[Steps, ...]) -> int:
-    """Samples that the longest of some marches reaches."""
-    return max((steps.count * steps.stride // steps.per_sample for steps in all_steps), default=problem.samples)
 
 
 def stretched(model: Model, count: int) -> Model:
@@ -279,8 +250,8 @@ class RelativeErrors:
     """Relative errors by their names: `Errors` of a motion, or of peaks alone `profiles.PeakErrors`."""
 
     def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it."""
-        return float(getattr(self, quantity.replace("-", "_")))
+        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
+        return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @property
     def worst(self) -> float:
@@ -322,10 +293,10 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     return Errors(**of_history, peak_drift=largest_relative(motion.peak_drift, true.peak_drift))
 
 
-def errors_of_peaks(peak_drift: Array, reference: FloorMotion) -> Errors:
-    """The error of peak drifts (m, shape (n,)) of a run that keeps no history; nan for the others."""
+def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
+    """The error of the peak drifts of a run that keeps no history; nan for the others."""
     unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
-    return Errors(**unknown, peak_drift=largest_relative(peak_drift, reference.peak_drift))
+    return Errors(**unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift))
 
 
 def largest_relative(peaks: Array, true: Array) -> float:
@@ -419,10 +390,10 @@ def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: 
 
 def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:
     h = problem.interval / parts
-    march = problem.march(parse(method), Steps(h, samples * parts, per_sample=parts), keep=True)
-    if march.motion is None:
+    motion = problem.motion(parse(method), Steps(h, samples * parts, per_sample=parts))
+    if motion is None:
         raise AnalysisError(f"no reference: {method} with dt {h:.6g} s does not reach the end")
-    return march.motion
+    return motion
 
 
 # ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.

@@ -38,6 +38,7 @@ from tdint.analysis.chart.work_precision import (
     within,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
+from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
 from tdint.data import dataclass
@@ -93,10 +94,6 @@ class PeakErrors(RelativeErrors):
     peak_drift: float
     peak_acceleration: float
     peak_total_shear: float
-
-    def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
-        return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
     def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
@@ -210,33 +207,21 @@ class FieldChart(Tabular):
         method does not take is one that it does not solve. The costs of what chooses its steps, and of another program,
         are over the least of ours, which they do not change."""
         profiles = []
-        our_lines = [line for line in self.lines if of_steps(line)]
+        ours = [of_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
             sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
             if not sure:
                 continue
             judged = [measured.costs(quantity, tolerance) for measured in sure]
-            table = np.array([[costs.get(line, math.nan) for line in our_lines] for costs in judged])
-            our_ratios = performance_ratios(table)
-            least = np.min(np.where(np.isnan(table), math.inf, table), axis=1)
-            for line in self.lines:
+            table = np.array([[costs.get(line, math.nan) for line in self.lines] for costs in judged])
+            for line, ratios in zip(self.lines, performance_ratios(table, ours).T, strict=True):
                 taken = sum(line in costs for costs in judged)
-                if line in our_lines:
-                    ratios = our_ratios[:, our_lines.index(line)]
-                else:
-                    # Where none of our methods solves the problem and this line does, the ratio is 0.
-                    ratios = np.array([costs.get(line, math.nan) for costs in judged]) / least
-                    ratios[np.isnan(ratios)] = math.inf
                 profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
         return tuple(profiles)
 
-    def taken(self, line: str) -> int:
-        """Problems that a method takes."""
-        return sum(any(point.line == line for point in measured.points) for measured in self.measured)
-
     def named(self, line: str) -> str:
         """The method, and how many problems it takes if not all."""
-        taken = self.taken(line)
+        taken = sum(any(point.line == line for point in measured.points) for measured in self.measured)
         return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:
@@ -362,10 +347,9 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
     for dt in dts:
         steps = posed.steps(dt)
         bare = Point(integrator.label, steps.h, steps.count, DONE, line=integrator.label)
-        try:
-            response = posed.case(integrator).march(steps)
-        except FailedRun as failure:
-            points.append(replace(bare, outcome=failure.status))
+        response = attempt(posed.case(integrator), steps)
+        if isinstance(response, FailedRun):
+            points.append(replace(bare, outcome=response.status))
             continue
         point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
         if response.status == DONE:
@@ -396,16 +380,13 @@ def _others(posed: Problem, dts: Sequence[float], true: StoryPeaks) -> tuple[lis
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
     h = posed.interval / _FINE
-    motion = posed.march(parse("impulse4"), posed.steps(h), keep=True).motion
+    motion = posed.motion(parse("impulse4"), posed.steps(h))
     assert motion is not None  # it has come to its end before
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
     gap, said = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
         return [], gap, f"left out: {said}"
-
-    def judge(peaks: StoryPeaks, *_: object) -> PeakErrors:
-        return PeakErrors.between(peaks, true)
-
+    judge = partial(PeakErrors.between, true=true)
     points, notes = openseespy_points(posed, dts, reference, repeats=1, share=_SHARE, judge=judge)
     return points, gap, "; ".join([said, *(note for note in notes if note != ITERATED)])
 
@@ -538,7 +519,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
-        named, listed = (section.need(name, advice) for name, advice in _NEEDS)
+        named = section.need("records", "give ground motions by name")
+        listed = section.need("problems", "give a list of problems: name, model and scales")
         motions = named.named("a mapping from names to ground motions") if named else None
         for name, motion in (motions or {}).items():
             if (stated := record_within(motion)) is not None:
@@ -562,12 +544,6 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
             scaled = record.scaled(factor) if factor != 1.0 else record
             problems.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
     return problems
-
-
-_NEEDS = (
-    ("records", "give ground motions by name"),
-    ("problems", "give a list of problems: name, model and scales"),
-)
 
 
 def _entry(

@@ -7,6 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field, replace
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -21,9 +22,9 @@ from tdint.analysis.chart.problem import (
     errors_of_peaks,
     find_reference,
     pose,
-    reached,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
+from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
@@ -31,7 +32,7 @@ from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
-from tdint.model.damage_states import DONE, FALLEN
+from tdint.model.damage_states import DONE
 from tdint.tabular import Progress as Counted
 from tdint.tabular import Tabular, told_progress
 from tdint.written_numbers import how_many
@@ -311,7 +312,8 @@ def measure(
     progress("compiling", 0.0)
     problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
-    reference = find_reference(problem, reached(problem, (*choices, record_steps)), cached=cached)
+    samples = max(steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps))
+    reference = find_reference(problem, samples, cached=cached)
     # The usual method at the record's step is measured in any case: other costs are told over its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     points = _timed(problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress)
@@ -339,10 +341,7 @@ def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float],
     repeats : int
         How often each run is timed.
     """
-
-    def judge(response: Response) -> RelativeErrors:
-        return errors_of_peaks(response.stories.peak_drift, chart.reference.motion)
-
+    judge = partial(errors_of_peaks, reference=chart.reference.motion)
     points = [
         point
         for integrator in map(parse, CHOOSING)
@@ -464,22 +463,20 @@ def _timed(
     # Outcome and errors, without times; a building that runs away has no motion.
     for integrator, steps in pairs:
         advance("errors", steps)
-        outcome = problem.outcome(integrator, steps)
-        point = Point(integrator.label, steps.h, steps.count, outcome, line=integrator.label)
-        if outcome in (DONE, *FALLEN):
-            march = problem.march(integrator, steps, keep=True)
-            if march.motion is not None:
-                off = errors(march.motion, reference.motion)
-                point = replace(point, iterations=march.iterations, errors=off)
+        ended = attempt(problem.case(integrator), steps)
+        point = Point(integrator.label, steps.h, steps.count, ended.status, line=integrator.label)
+        if isinstance(ended, Response) and (motion := problem.motion(integrator, steps)) is not None:
+            point = replace(point, iterations=ended.iterations, errors=errors(motion, reference.motion))
         points[integrator, steps] = point
-    # One time of each by turns, so that other work on the machine falls on all alike.
+    # One time of each by turns, so that other work on the machine falls on all alike: that of the loop as `tdint run`
+    # without --history has it, with peaks and energies.
     verdict: object = None
     for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
         for pair, point in points.items():
             if turn <= repeats:
                 advance("times", pair[1])
             if point.errors:
-                march = problem.march(*pair)
+                march = problem.prepared.march(*pair, problem.ground)
                 points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
         before, verdict = verdict, judge(list(points.values())) if judge else None
         if turn >= repeats and verdict == before:
@@ -509,14 +506,16 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 # ---- Performance profiles: costs over those of the best, of many problems
 
 
-def performance_ratios(costs: Array) -> Array:
-    """Costs over the least of each row: a problem each row, a solver each column, nan where it does not solve it.
+def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
+    """Costs over the least of ours in each row: a problem each row, a solver each column, nan where it does not solve
+    it.
 
-    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M).
+    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M); 0 where it does, and
+    none of ours.
     """
-    costs = np.where(np.isnan(costs), math.inf, np.asarray(costs, dtype=np.float64))
-    least = np.min(costs, axis=1, keepdims=True)
-    return np.where(np.isfinite(costs), costs / np.where(np.isfinite(least), least, 1.0), math.inf)
+    unsolved = np.isnan(costs)
+    least = np.min(np.where(unsolved, math.inf, costs)[:, np.array(ours)], axis=1, keepdims=True, initial=math.inf)
+    return np.where(unsolved, math.inf, costs / least)
 
 
 @dataclass(frozen=True)

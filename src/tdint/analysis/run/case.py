@@ -71,13 +71,9 @@ def moving_drift(building: Building, space: Workspace) -> Array:
     softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
     away = (force + building.linear_terms[at.GEOMETRIC, :-1] * drift) / softer
     rate = _of_drifts(building, space.state[at.VELOCITY])
-    return np.asarray(np.hypot(away, rate * _swing(space) * np.sqrt(stiffness / softer)))
-
-
-def _swing(space: Workspace) -> float:
-    """The largest displacement of a march over the largest velocity, s."""
     displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
-    return float(displacement / velocity) if velocity > 0.0 else 0.0
+    swing = displacement / velocity if velocity > 0.0 else 0.0
+    return np.asarray(np.hypot(away, rate * swing * np.sqrt(stiffness / softer)))
 
 
 def _of_drifts(building: Building, floors: Array) -> Array:
@@ -235,9 +231,9 @@ class Case:
         return self.prepared.building
 
     @cached_property
-    def ground(self) -> Array | None:
-        """Ground acceleration at the samples, m/s^2; None for ground at rest."""
-        return None if self.record is None else self.record.acceleration.copy()
+    def ground(self) -> Array:
+        """Ground acceleration at the samples, m/s^2; a zero for ground at rest."""
+        return np.zeros(1) if self.record is None else self.record.acceleration.copy()
 
     @cached_property
     def _doubts(self) -> tuple[str, ...]:
@@ -307,7 +303,7 @@ class Case:
         error = energy_of(marched.space.totals).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
-            raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
+            raise self._ran_away(steps, marched.space, reason)
         return self._response(steps, marched, collapse)
 
     def pieces(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
@@ -319,19 +315,12 @@ class Case:
             yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
-        return self.prepared.march(
-            self.method,
-            steps,
-            self.ground,
-            rows=steps.count if history else 0,
-            collapse_drift=self.model.collapse_drift,
-        )
+        return self.prepared.march(self.method, steps, self.ground, rows=steps.count if history else 0)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         residual = float(space.report[at.RESIDUAL])
         if code == at.NOT_FINITE or not residual < _OVERFLOW:
-            story = _runaway_story(space)
-            return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
+            return self._ran_away(steps, space)
         reached = float(space.totals[at.STEPS_REACHED]) * steps.h
         story = int(space.report[at.WORST_STORY]) + 1
         event = (
@@ -340,12 +329,14 @@ class Case:
         )
         return self._failed(steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual)
 
-    def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
-        """The time up to which the run came, s, and the kinetic energy of the motion relative to the ground there, J;
-        None if it is no finite number."""
+    def _ran_away(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
+        """That a run diverged up to where it came; by default for the story whose drift is the largest."""
+        # The kinetic energy of the motion relative to the ground, if it is a finite number
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[at.VELOCITY, :-1] ** 2))
-        return float(space.totals[at.STEPS_REACHED]) * steps.h, energy if math.isfinite(energy) else None
+        reached, story = float(space.totals[at.STEPS_REACHED]) * steps.h, _runaway_story(space)
+        reason = reason or f"the drift of story {story} ran away"
+        return self._diverged(steps, reached, energy if math.isfinite(energy) else None, reason, story)
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
@@ -398,7 +389,7 @@ class Case:
         """
         code, taken, _ = marched.ends[i].astype(int).tolist()
         totals = marched.totals[i]
-        at_its_end = code == 0 and -energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY
+        at_its_end = code == 0 and -energy_of(totals).error < RUNAWAY
         if at_its_end and (collapse := self.judge(steps, code, totals)):
             return collapse
         reached = max(taken, int(totals[at.STEPS_REACHED]) + 1)
@@ -406,11 +397,7 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = energy_of(space.totals)
-        stories = story_peaks(self.building, space)
-        unresolved = unresolved_errors(self.building, space, steps.late)
-        moving = moving_drift(self.building, space)
-        notes = self._notes(steps, space, stories, unresolved, moving, bool(collapse and collapse.ended))
+        energy, stories = energy_of(space.totals), story_peaks(self.building, space)
         # Isolators are made for it, and what has no height is no story of a frame.
         usual = np.isfinite(self.building.heights) & (not self.model.as_meant)
         ductility = np.where(usual, stories.ductility, math.nan)
@@ -424,7 +411,7 @@ class Case:
             )
         kept = space.history.size
         history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
-        return Response(
+        response = Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
@@ -439,18 +426,18 @@ class Case:
             energy=energy,
             history=history,
             pieces=partial(self.pieces, steps, energy.largest),
-            notes=notes,
-            unresolved=unresolved,
-            moving_drift=moving,
+            notes=(),
+            unresolved=unresolved_errors(self.building, space, steps.late),
+            moving_drift=moving_drift(self.building, space),
             collapse=collapse,
             warnings=tuple(warnings),
         )
+        return replace(response, notes=self._notes(response))
 
-    def _notes(
-        self, steps: Steps, space: Workspace, stories: StoryPeaks, unresolved: StoryErrors, moving: Array, ended: bool
-    ) -> tuple[str, ...]:
-        """What there is to say of a run, which may have `ended` before its time by a collapse."""
-        record, end = self.record, steps.count * steps.h
+    def _notes(self, response: Response) -> tuple[str, ...]:
+        """What there is to say of a run, which a collapse may have ended before its time."""
+        record, end, moving = self.record, response.steps * response.dt, response.moving_drift
+        ended = response.collapse is not None and response.collapse.ended
         notes = [*as_meant(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
@@ -459,15 +446,15 @@ class Case:
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
-        if halvings := int(space.totals[at.HALVINGS]):
-            notes.append(f"steps that did not converge were halved, {how_many(halvings, 'time')} in all")
+        if response.halvings:
+            notes.append(f"steps that did not converge were halved, {how_many(response.halvings, 'time')} in all")
         # Peaks that the step is too long to tell.
         kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
         kinds["accelerations"] = "peak_acceleration"
         hidden = [
             words
             for words, name in kinds.items()
-            if np.any(getattr(unresolved, name) > _UNRESOLVED * getattr(stories, name))
+            if np.any(getattr(response.unresolved, name) > _UNRESOLVED * getattr(response.stories, name))
         ]
         if hidden:
             notes.append(
@@ -476,7 +463,7 @@ class Case:
             )
         # Drifts at the end that are not residual ones; under forces on floors there is no rest.
         i = int(np.argmax(moving))
-        still = moving[i] <= _MOVING * np.max(stories.peak_drift)
+        still = moving[i] <= _MOVING * np.max(response.stories.peak_drift)
         if record and not (ended or self.model.excitation.forces or still):
             length, size = self.model.output_units.unit("m")
             by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
@@ -545,16 +532,9 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
 
     Where the run fails on the way, the steps are those with which it does.
     """
-    ground: NDArray[np.float64] = np.zeros(1) if case.ground is None else case.ground
-    marched = case.prepared.march_many(
-        case.method,
-        steps.h,
-        ground,
-        [Lane(0, ground.size, 1.0, steps)],
-        collapse_drift=case.model.collapse_drift,
-        rest=windows(case.prepared, steps.h),
-    )
+    rest, lane = windows(case.prepared, steps.h), Lane(0, case.ground.size, 1.0, steps)
+    marched = case.prepared.march_many(case.method, steps.h, case.ground, [lane], rest)
     code, count, at_rest = marched.ends[0].tolist()
     if code < 0:
-        count += windows(case.prepared, steps.h).window
+        count += rest.window
     return replace(steps, count=max(int(count), steps.count)), bool(at_rest) and code >= 0

@@ -55,7 +55,7 @@ class Demand(Quantity):
 
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
         """The largest of each run, from peaks of shape (runs, n) or (n,); nan is passed over."""
-        values = np.atleast_2d(self.values(stories))
+        values = np.atleast_2d(self._of(stories, stories.height))
         if self.story is not None:
             value = values[:, self.story]
             return LargestOfRuns(value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1))
@@ -68,7 +68,7 @@ class Demand(Quantity):
 
         Any story may have the largest value that could with its error: the largest error among those.
         """
-        values, off = self.values(stories), self._of(errors, stories.height)
+        values, off = (self._of(given, stories.height) for given in (stories, errors))
         if self.story is not None:
             return float(off[self.story])
         finite = np.isfinite(values) & np.isfinite(off)
@@ -77,11 +77,8 @@ class Demand(Quantity):
         values, off = values[finite], off[finite]
         return float(np.max(off[values + off >= np.max(values)]))
 
-    def values(self, stories: StoryPeaks) -> Array:
-        """The numbers of the stories, shape (..., n)."""
-        return self._of(stories, stories.height)
-
     def _of(self, given: StoryValues, height: Array) -> Array:
+        """The numbers of the stories, shape (..., n)."""
         return np.asarray(self.value(given, height) if self.value else getattr(given, self.of_stories or self.name))
 
 
@@ -147,13 +144,12 @@ class Demands(Generic[Found]):
 DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if isinstance(demand, Demand))
 """The demands of `Demands`."""
 
-
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
-        Demand(quantity.unit, f"{quantity.meaning}; of all stories", called=quantity.called, name=quantity.name)
+        Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
         for quantity in STORY
-        if "summary" in quantity.shown
+        if quantity.name == "peak_damper_force"
     ),
 )
 """What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
@@ -164,18 +160,9 @@ def demands(stories: StoryPeaks) -> Demands[Largest]:
     return Demands(**{demand.name: only(demand.of(stories)) for demand in DECLARED})
 
 
-class DemandsOfRuns:
-    """`Demands` of many runs of a building, peaks of shape (runs, n): each is found when it is asked for."""
-
-    def __init__(self, stories: StoryPeaks) -> None:
-        self._stories = stories
-
-    def __getattr__(self, name: str) -> LargestOfRuns:
-        for demand in DECLARED:
-            if demand.name == name:
-                setattr(self, name, largest := demand.of(self._stories))
-                return largest
-        raise AttributeError(name)
+def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
+    """The largest demands of many runs of a building, peaks of shape (runs, n)."""
+    return Demands(**{demand.name: demand.of(stories) for demand in DECLARED})
 
 
 def only(demand: Any) -> Largest:
@@ -196,7 +183,7 @@ class RunValues:
     """What runs come to, arrays of shape (runs,), SI units: the columns of which a result of many runs, a row of a
     store and its tables have theirs.
 
-    A field is all there is to a column. Its `value` follows from `DemandsOfRuns`.
+    A field is all there is to a column. Its `value` follows from the `Demands` of the runs.
     """
 
     dt: Annotated[Array, Quantity("s", "time step, after repetitions with finer ones")]
@@ -264,7 +251,7 @@ RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is flo
 
 def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
     """The fields of `RunValues` that follow from the demands of runs with these peaks, shape (runs, n)."""
-    largest = DemandsOfRuns(stories)
+    largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
 
 

@@ -106,15 +106,12 @@ def story_errors(
     def errors(name: str) -> Array:
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         off = of_difference * np.abs(getattr(response.stories, name) - getattr(other.stories, name))
-        return _with_unresolved(response, name, np.maximum(off, np.maximum(_COMMON * common(off, size), _FLOOR * size)))
+        error: Array = np.maximum(off, np.maximum(_COMMON * common(off, size), _FLOOR * size))
+        # What the steps do not resolve of a peak, or leave to a drift that is told later
+        unresolved: Array = getattr(response.unresolved, name)
+        return error + unresolved if name == "residual_drift" else np.maximum(error, unresolved)
 
     return StoryErrors(**{field.name: errors(field.name) for field in fields(StoryErrors)})
-
-
-def _with_unresolved(response: Response | Shock, name: str, error: Array) -> Array:
-    """Errors of peaks with what the steps do not resolve of them, or leave to a drift that is told later."""
-    unresolved: Array = getattr(response.unresolved, name)
-    return error + unresolved if name == "residual_drift" else np.maximum(error, unresolved)
 
 
 def common(errors: Array, size: Array) -> Array:
@@ -135,10 +132,10 @@ def ended_at_rest(response: Response) -> Response:
     return replace(response, check=replace(response.check, errors=errors))
 
 
-def attempt(case: Case, steps: Steps) -> Response | FailedRun:
+def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:
     """The response to `steps`, or why there is none."""
     try:
-        return case.march(steps)
+        return case.march(steps, history)
     except FailedRun as failure:
         return failure
 

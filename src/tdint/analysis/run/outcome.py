@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
     from tdint.model.definition import Model
 
-_TABLE = ("table",)
-
 
 def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
     """What a row of peaks holds itself."""
@@ -38,14 +36,11 @@ class StoryValues:
 
     A field is all there is to a quantity: it has its column in tables, stores and units, its error, its meaning. Its
     value follows from the building, the rows of peaks, shape (..., PEAK_ROWS, n), and the drifts at the end, (..., n).
-    It is shown in tables, and the largest of all stories in summaries, unless `Demands` says that better.
     """
 
     peak_drift: Annotated[
         Array,
-        Quantity(
-            "m", "largest drift to either side: displacement relative to the floor below", _peak(at.PEAK_DRIFT), _TABLE
-        ),
+        Quantity("m", "largest drift to either side: displacement relative to the floor below", _peak(at.PEAK_DRIFT)),
     ]
     peak_drift_ratio: Annotated[
         Array,
@@ -53,19 +48,13 @@ class StoryValues:
             "1",
             "peak drift over story height; empty without one, as of isolators: awk takes it for 0",
             lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.heights,
-            _TABLE,
         ),
     ]
-    residual_drift: Annotated[
-        Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end, _TABLE)
-    ]
+    residual_drift: Annotated[Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end)]
     peak_shear: Annotated[
         Array,
         Quantity(
-            "N",
-            "largest restoring force of the story to either side, without viscous forces",
-            _peak(at.PEAK_SHEAR),
-            _TABLE,
+            "N", "largest restoring force of the story to either side, without viscous forces", _peak(at.PEAK_SHEAR)
         ),
     ]
     peak_damper_force: Annotated[
@@ -82,7 +71,6 @@ class StoryValues:
             "N",
             "largest force that moves all floors above, to either side: restoring, P-delta and all viscous forces",
             _peak(at.PEAK_TOTAL_SHEAR),
-            _TABLE,
         ),
     ]
     ductility: Annotated[
@@ -91,15 +79,13 @@ class StoryValues:
             "1",
             "peak drift over drift at first yield",
             lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.yield_drift,
-            _TABLE,
         ),
     ]
     peak_displacement: Annotated[
-        Array,
-        Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT), _TABLE),
+        Array, Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT))
     ]
     peak_velocity: Annotated[
-        Array, Quantity("m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY), _TABLE)
+        Array, Quantity("m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY))
     ]
     peak_acceleration: Annotated[
         Array,
@@ -107,7 +93,6 @@ class StoryValues:
             "m/s^2",
             "largest absolute acceleration of the floor",
             _peak(at.PEAK_ACCELERATION),
-            _TABLE,
             called="peak_absolute_acceleration",
         ),
     ]

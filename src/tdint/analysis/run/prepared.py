@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -95,8 +95,7 @@ class Motions:
     def starts(self) -> Mapping[int, int]:
         """Where each begins in `samples`."""
         sizes = [record.acceleration.size for record in self.records.values()]
-        starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
-        return dict(zip(self.records, starts, strict=True))
+        return dict(zip(self.records, accumulate(sizes[:-1], initial=0), strict=True))
 
     def lane(self, number: int, scale: float, steps: Steps) -> Lane:
         """A run under one of them, times a factor."""
@@ -131,12 +130,8 @@ class MarchedRuns:
     @classmethod
     def empty(cls, runs: int, stories: int) -> MarchedRuns:
         """Room for so many runs."""
-        return cls(
-            peaks=np.zeros((runs, 2 * at.PEAK_ROWS, stories)),
-            drifts=np.zeros((runs, stories)),
-            totals=np.zeros((runs, at.TOTALS_SIZE)),
-            ends=np.zeros((runs, END_COLUMNS)),
-        )
+        shapes = (2 * at.PEAK_ROWS, stories), (stories,), (at.TOTALS_SIZE,), (END_COLUMNS,)
+        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 @dataclass(frozen=True)
@@ -156,7 +151,7 @@ class Rest:
     quiet: float = 0.0
 
 
-_NO_REST = Rest()
+NO_REST = Rest()
 
 
 @dataclass(frozen=True)
@@ -174,12 +169,15 @@ class PreparedBuilding:
         Forces on floors, as `force_table` makes them; none by default.
     displacement, velocity : ndarray, shape (n,)
         At t = 0 relative to the ground, m and m/s; at rest by default.
+    collapse_drift : float
+        Drift ratio beyond which a story has collapsed: when one first is, marches note.
     """
 
     building: Building
     forces: Array = field(default_factory=lambda: np.zeros((0, at.FORCE_COLUMNS)))
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
+    collapse_drift: float = math.inf
     _coefficients: dict[tuple[str, float], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _instability: dict[tuple[str, float], Instability | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -199,6 +197,7 @@ class PreparedBuilding:
             force_table(model.excitation.forces),
             np.array(model.initial.displacement),
             np.array(model.initial.velocity),
+            model.collapse_drift,
         )
 
     @cached_property
@@ -248,15 +247,7 @@ class PreparedBuilding:
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 
-    def march(
-        self,
-        integrator: Integrator,
-        steps: Steps,
-        ground: Array | None = None,
-        *,
-        rows: int = 0,
-        collapse_drift: float = math.inf,
-    ) -> Marched:
+    def march(self, integrator: Integrator, steps: Steps, ground: Array | None = None, *, rows: int = 0) -> Marched:
         """Integrate from the initial state over the steps.
 
         Parameters
@@ -266,8 +257,6 @@ class PreparedBuilding:
             at rest.
         rows : int
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
-        collapse_drift : float
-            Drift ratio beyond which a story has collapsed: when one first is, is noted.
 
         Raises
         ------
@@ -278,16 +267,14 @@ class PreparedBuilding:
         """
         if rows and steps.count % rows:
             raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
-        space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
+        space = self._ready(integrator, steps.h, rows + 1 if rows else 0)
         space.every = steps.count // rows if rows else 1
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code = self._in_pieces(go, steps)
         return Marched(space, code, system.seconds() - began, time.perf_counter() - wall)
 
-    def march_pieces(
-        self, integrator: Integrator, steps: Steps, ground: Array | None, *, every: int
-    ) -> Iterator[Workspace]:
+    def march_pieces(self, integrator: Integrator, steps: Steps, ground: Array, *, every: int) -> Iterator[Workspace]:
         """Integrate as `march` does, and see the history in pieces, a row every so many steps.
 
         Yields
@@ -301,16 +288,16 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
-        rows = max(2, _PIECE_BYTES // (8 * history_width(self.building, integrator)))
-        space = self._ready(integrator, steps.h, 0, math.inf)
-        motion = np.zeros(1) if ground is None else ground
+        width = history_width(self.building)
+        rows = max(2, _PIECE_BYTES // (8 * width))
+        space = self._ready(integrator, steps.h)
         done, total = 0, steps.count // every + 1
         while done < steps.count:
             before = done // every + 1 if done else 0
             last = min((before + rows) * every - 1, steps.count)
             space.every, space.before = every, before
-            space.history = np.zeros((min(rows, total - before), history_width(self.building, integrator)))
-            go = self.loop(integrator, steps.h, motion, space)
+            space.history = np.zeros((min(rows, total - before), width))
+            go = self.loop(integrator, steps.h, ground, space)
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             if len(space.history):
@@ -337,23 +324,19 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        space = self._ready(integrator, steps.h, 0, math.inf)
+        space = self._ready(integrator, steps.h)
         go = self.loop(integrator, steps.h, ground, space)
         for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            space.forget_peaks()
+            # Peaks are looked for anew, also where the method keeps some of its own.
+            space.peaks[:] = 0.0
+            if own := int(space.report[at.OWN_PEAKS]):
+                space.work[own : own + 2 * at.PEAK_ROWS] = 0.0
 
     def march_many(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[Lane],
-        *,
-        collapse_drift: float = math.inf,
-        rest: Rest | None = None,
+        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[Lane], rest: Rest = NO_REST
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
 
@@ -369,20 +352,13 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        space = self._ready(integrator, h, 0, collapse_drift)
+        space = self._ready(integrator, h)
         marched = MarchedRuns.empty(len(runs), self.building.stories)
-        self._many(integrator, h, samples, runs, space)(runs, marched, rest or _NO_REST)
+        self._many(integrator, h, samples, runs, space)(runs, marched, rest)
         return marched
 
     def march_drawn(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[tuple[int, Lane]],
-        drawn: DrawnBuildings,
-        *,
-        collapse_drift: float = math.inf,
+        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[tuple[int, Lane]], drawn: DrawnBuildings
     ) -> MarchedRuns:
         """Integrate runs of buildings that differ from this one in numbers: each is the one that `march` makes of it.
 
@@ -403,23 +379,20 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         marched = MarchedRuns.empty(len(runs), self.building.stories)
-        lanes = [lane for _, lane in runs]
+        lanes, drawn_arrays = [lane for _, lane in runs], ("linear_terms", "law_parameters", "modal")
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
             # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal damping.
             kind = devices[d], len(drawn.modal[d])
             if kind not in shared:
-                arrays = drawn.linear_terms[d].copy(), drawn.law_parameters[d].copy(), drawn.modal[d].copy()
-                names = ("linear_terms", "law_parameters", "modal")
-                building = replace(self.building, **dict(zip(names, arrays, strict=True)))
+                building = replace(self.building, **{name: getattr(drawn, name)[d].copy() for name in drawn_arrays})
                 prepared = replace(self, building=building)
-                space = prepared._ready(integrator, h, 0, collapse_drift)
+                space = prepared._ready(integrator, h)
                 shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
             prepared, space, go = shared[kind]
-            prepared.building.linear_terms[...] = drawn.linear_terms[d]
-            prepared.building.law_parameters[...] = drawn.law_parameters[d]
-            prepared.building.modal[...] = drawn.modal[d]
+            for name in drawn_arrays:
+                getattr(prepared.building, name)[...] = getattr(drawn, name)[d]
             space.flags[at.FAST] = fast[d]
             space.limits[1] = drawn.heights[d]
             go([lane], marched.part(r, r + 1))
@@ -449,7 +422,7 @@ class PreparedBuilding:
         )
 
         # The loop over the runs is compiled, too: its arguments are put together once for all.
-        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = _NO_REST) -> None:
+        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = NO_REST) -> None:
             table = [(*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride) for lane in lanes]
             many.compiled(
                 *(*before, samples, np.array(table, float), *behind),
@@ -467,7 +440,6 @@ class PreparedBuilding:
         *,
         every: int,
         see: Callable[[int, Array], None],
-        collapse_drift: float = math.inf,
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s), each of which is the one that `march` makes, and see their histories.
 
@@ -490,7 +462,7 @@ class PreparedBuilding:
             The method does not integrate this building; the memory does not hold the history.
         """
         rows = max(steps.count for _, _, steps in motions) // every + 1
-        space = self._ready(integrator, h, rows, collapse_drift)
+        space = self._ready(integrator, h, rows)
         # What a run changes is put back before the next one.
         begun = [(array, array.copy()) for array in (*space.memory, space.watch, space.peaks, space.totals)]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
@@ -511,16 +483,16 @@ class PreparedBuilding:
             see(r, space.history[: reached // every + 1])
         return marched
 
-    def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:
+    def _ready(self, integrator: Integrator, h: float, rows: int = 0) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
         if reason := unsuited(integrator, self.building):
             raise AnalysisError(reason)
         self.compile([integrator])
-        return self.arrays(integrator, h, rows, collapse_drift)
+        return self.arrays(integrator, h, rows)
 
-    def arrays(self, integrator: Integrator, h: float, rows: int, collapse_drift: float = math.inf) -> Workspace:
+    def arrays(self, integrator: Integrator, h: float, rows: int) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, with so many rows of its history."""
-        space = workspace(self.building, integrator, rows, collapse_drift)
+        space = workspace(self.building, integrator, rows, self.collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity
         space.flags[at.FAST] = self.building.fastest * h > _RESOLVED

@@ -98,11 +98,7 @@ def run(
 
 
 def prepare(
-    model: AnyModel,
-    record: AnyRecord | None = None,
-    *,
-    method: str | None = None,
-    allow_unstable: bool = False,
+    model: AnyModel, record: AnyRecord | None = None, *, method: str | None = None, allow_unstable: bool = False
 ) -> Case:
     """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 

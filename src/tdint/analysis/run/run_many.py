@@ -301,9 +301,7 @@ def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
         grids = np.meshgrid(*given.values(), indexing="ij")
         given = {name: grid.ravel() for name, grid in zip(given, grids, strict=True)}
     sizes = {len(values) for values in given.values()}
-    if (not sizes - {1} and len(sizes) == 1 and 0 not in sizes) or not sizes:
-        return given
-    count = max(sizes)
+    count = max(sizes, default=1)
     if not count or sizes - {1, count}:
         told = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
         raise UsageError(f"vary: as many values of each name as there are draws, or one for all; got {told}")
@@ -580,7 +578,6 @@ def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Se
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
         every=result.every,
         see=see,
-        collapse_drift=subject.model.collapse_drift,
     )
 
 
@@ -642,27 +639,26 @@ def _differentiated(
 
     # Rows of runs that were not made stay empty.
     rows = [run.number for run in plan]
-    offsets = np.array([near[run.model, run.draw] for run in plan])
     values = np.array([numbers[run.model, run.draw] for run in plan])
-    offsets = offsets - values[:, :, None]
+    offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]
 
-    def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def of_all(of_runs: NDArray[Any]) -> NDArray[Any]:
+        filled = np.full((len(peaks.peak_drift), *of_runs.shape[1:]), math.nan)
+        filled[rows] = of_runs
+        return filled
+
+    def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> list[NDArray[Any]]:
         both = slopes(base[rows], neighboring.reshape(*offsets.shape, *base.shape[1:]), offsets)
-        filled = [np.full((len(base), len(names), *base.shape[1:]), math.nan) for _ in both]
-        for array, of_runs in zip(filled, both, strict=True):
-            array[rows] = of_runs
-        return filled[0], filled[1]
+        return [of_all(of_runs) for of_runs in both]
 
     of_peaks: dict[str, Any] = {
         one.name: differences(getattr(peaks, one.name), getattr(result.stories, one.name))
         for one in fields(StoryErrors)
     }
-    all_values = np.full((len(peaks.peak_drift), len(names)), math.nan)
-    all_values[rows] = values
     return Gradient(
         **{name: derivative for name, (derivative, _) in of_peaks.items()},
         parameters=tuple(names),
-        values=all_values,
+        values=of_all(values),
         doubt=StoryErrors(**{name: doubt for name, (_, doubt) in of_peaks.items()}),
         history={name: differences(array, result.history[name])[0] for name, array in history.items()},
     )

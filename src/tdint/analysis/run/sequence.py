@@ -86,8 +86,8 @@ def sequence_of(
         if rest is not None:
             begin = last + samples_of(rest, shock.dt)
         else:
-            before = case.under(one_after_another(shocks[:number], starts))
-            quiet, at_rest = until_rest(before, _steps(case, before.record, dt))
+            before = one_after_another(shocks[:number], starts)
+            quiet, at_rest = until_rest(case.under(before), _steps(case, before, dt))
             begin = max(math.ceil(quiet.count * quiet.stride / quiet.per_sample), last) + 1  # a sample leads to it
             restless += [] if at_rest else [number]
         starts.append(math.ceil(begin / steps.stride) * steps.stride)  # a shock begins with a step
@@ -131,17 +131,10 @@ def run_sequence(
         As by `tdint.run`.
     """
     sequence = sequence_of(case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt"))
-    joined = replace(case.under(sequence.whole), remarks=(*case.remarks, *sequence.notes))
-    assert joined.record is not None
-    duration = joined.record.duration
+    whole = sequence.whole
+    joined, duration = replace(case.under(whole), remarks=(*case.remarks, *sequence.notes)), whole.duration
     response = run_case(
-        joined,
-        dt=dt,
-        duration=duration,
-        history=history,
-        check=check,
-        tolerance=tolerance,
-        until_rest=until_rest,
+        joined, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
     )
     # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
@@ -161,7 +154,6 @@ def shocks_of(joined: Case, sequence: ShockSequence, steps: Steps, *, check: boo
 
 
 def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
-    assert joined.ground is not None
     # The ground moves from the sample before on.
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
@@ -177,7 +169,6 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
     )
 
 
-def _steps(case: Case, record: Record | None, dt: float | None) -> Steps:
+def _steps(case: Case, record: Record, dt: float | None) -> Steps:
     """Steps over a whole record: the duration of the model's own analysis is not that of a sequence."""
-    assert record is not None
     return choose_steps(case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.case import Case, doubtful, energy_errors, peaks_of, until_rest, windows
 from tdint.analysis.run.error_estimate import ended_at_rest, told_run
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
-from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding, Rest
+from tdint.analysis.run.prepared import NO_REST, MarchedRuns, Motions, PreparedBuilding
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
 from tdint.data import dataclass
@@ -62,32 +62,6 @@ class Subject:
         """The building under a ground motion times a factor, or at rest."""
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
-
-    def march_many(
-        self, motions: Motions, runs: Sequence[tuple[int, float, Steps]], rest: Rest | None = None
-    ) -> MarchedRuns:
-        """Integrate runs of one step in one compiled call.
-
-        Parameters
-        ----------
-        runs : sequence of (int, float, Steps)
-            The number of each one's ground motion, the factor on it, and its steps.
-        rest : Rest, optional
-            How long they go on with the ground at rest.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not integrate this building.
-        """
-        return self.prepared.march_many(
-            self.integrator,
-            runs[0][2].h,
-            motions.samples,
-            [motions.lane(*run) for run in runs],
-            collapse_drift=self.model.collapse_drift,
-            rest=rest,
-        )
 
     @cached_property
     def period(self) -> float:
@@ -213,7 +187,11 @@ def run_together(
         for i, (_, _, steps) in enumerate(runs):
             outcomes.replace(i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history))
         return outcomes
-    marched = march() if march else subject.march_many(motions, runs, windows(prepared, h) if to_rest else None)
+    if march:
+        marched = march()
+    else:
+        lanes, rest = [motions.lane(*run) for run in runs], windows(prepared, h) if to_rest else NO_REST
+        marched = prepared.march_many(subject.integrator, h, motions.samples, lanes, rest)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
     for i in np.flatnonzero(doubtful(marched)).tolist():
         outcomes.replace(i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history))
@@ -241,9 +219,7 @@ def run_drawn(
     """
     h, places = runs[0][1][2].h, [d for d, _ in runs]
     lanes = [(d, motions.lane(*run)) for d, run in runs]
-    marched = subject.prepared.march_drawn(
-        subject.integrator, h, motions.samples, lanes, drawn, collapse_drift=subject.model.collapse_drift
-    )
+    marched = subject.prepared.march_drawn(subject.integrator, h, motions.samples, lanes, drawn)
     outcomes = Outcomes.of(drawn.of_runs(places), marched, False)
     for i in np.flatnonzero(doubtful(marched)).tolist():
         d, (number, scale, steps) = runs[i]

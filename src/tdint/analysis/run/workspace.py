@@ -56,12 +56,6 @@ class Workspace:
     every: int = 1
     before: int = 0
 
-    def forget_peaks(self) -> None:
-        """Look for peaks anew, also where the method keeps some of its own."""
-        self.peaks[:] = 0.0
-        if own := int(self.report[at.OWN_PEAKS]):
-            self.work[own : own + 2 * at.PEAK_ROWS] = 0.0
-
     @property
     def memory(self) -> Memory:
         """What method and drift laws remember."""
@@ -73,12 +67,7 @@ class Workspace:
         return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
 
 
-def workspace(
-    building: Building,
-    integrator: Integrator,
-    rows: int = 0,
-    collapse_drift: float = math.inf,
-) -> Workspace:
+def workspace(building: Building, integrator: Integrator, rows: int = 0, collapse_drift: float = math.inf) -> Workspace:
     """Fresh arrays for one run, with so many rows of its history.
 
     Raises
@@ -100,7 +89,7 @@ def workspace(
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
     flags[at.DEVICES] = building.damped_by_devices
-    width = history_width(building, integrator)
+    width = history_width(building)
     if rows:
         # All of it is held in memory, and its results beside it.
         needed, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
@@ -130,7 +119,7 @@ def workspace(
     )
 
 
-def history_width(building: Building, integrator: Integrator) -> int:
+def history_width(building: Building) -> int:
     """Numbers in a row of the history."""
     return 1 + at.HISTORY_FIELDS * building.stories + at.ENERGY_TERMS
 

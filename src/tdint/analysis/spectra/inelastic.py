@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -87,12 +87,7 @@ def _quotient(above: Array, below: Array) -> Array:
 
 
 def constant_ductility(
-    record: AnyRecord,
-    periods: Array,
-    ductilities: Sequence[float],
-    damping: float = 0.05,
-    *,
-    hardening: float = 0.0,
+    record: AnyRecord, periods: Array, ductilities: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
 ) -> list[InelasticSpectrum]:
     """Spectra of the strengths that lead to given ductilities.
 
@@ -124,33 +119,22 @@ def constant_ductility(
     AnalysisError
         No strength leads to a ductility, or a period is too short for the record's sampling interval.
     """
-    record, damping = record_of(record), damping_of(damping)
-    periods = _checked(record, periods, hardening)
+    given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
         raise UsageError(f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}")
-    rising = sorted(set(ductilities))
-    results = np.zeros((len(rising), periods.size, 3))
-    elastic = np.zeros(periods.size)
-    for i, oscillator in enumerate(_oscillators(record, periods, damping, hardening)):
-        elastic[i] = oscillator.elastic
+    results = {target: np.zeros((len(oscillators), 3)) for target in sorted(set(ductilities))}
+    for i, oscillator in enumerate(oscillators):
         ratio = 1.0
-        for j, target in enumerate(rising if elastic[i] > 0.0 else ()):
+        for target, result in results.items() if oscillator.elastic > 0.0 else ():
             # A continuous function that starts at 1 reaches the smaller ductilities first.
             ratio = largest_ratio(oscillator.ductility, target, ratio)
-            strength = ratio * elastic[i]
-            results[j, i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
-    given = record, damping, hardening
-    columns = {target: _columns(results[rising.index(target)], elastic) for target in ductilities}
-    return [InelasticSpectrum(*given, target, periods, *columns[target]) for target in ductilities]
+            strength = ratio * oscillator.elastic
+            result[i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
+    return [_spectrum(given, oscillators, target, results[target]) for target in ductilities]
 
 
 def constant_strength(
-    record: AnyRecord,
-    periods: Array,
-    strengths: Sequence[float],
-    damping: float = 0.05,
-    *,
-    hardening: float = 0.0,
+    record: AnyRecord, periods: Array, strengths: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
 ) -> list[InelasticSpectrum]:
     """Spectra of oscillators of given strengths.
 
@@ -173,28 +157,22 @@ def constant_strength(
     AnalysisError
         A period is too short for the record's sampling interval.
     """
-    record, damping = record_of(record), damping_of(damping)
-    periods = _checked(record, periods, hardening)
+    given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
         raise UsageError(f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}")
-    results = np.zeros((len(strengths), periods.size, 3))
-    elastic = np.zeros(periods.size)
-    for i, oscillator in enumerate(_oscillators(record, periods, damping, hardening)):
-        elastic[i] = oscillator.elastic
-        for j, strength in enumerate(strengths):
+    results = np.zeros((len(strengths), len(oscillators), 3))
+    for i, oscillator in enumerate(oscillators):
+        for result, strength in zip(results, strengths, strict=True):
             yield_displacement = strength * STANDARD_GRAVITY / oscillator.omega**2
-            results[j, i] = yield_displacement, *oscillator.response(yield_displacement)
-    return [
-        InelasticSpectrum(record, damping, hardening, None, periods, *_columns(result, elastic)) for result in results
-    ]
+            result[i] = yield_displacement, *oscillator.response(yield_displacement)
+    return [_spectrum(given, oscillators, None, result) for result in results]
 
 
-def _columns(result: Array, elastic: Array) -> tuple[Array, Array, Array, Array]:
-    yield_displacement, sd, residual = result.T
-    return yield_displacement, sd, elastic, residual
-
-
-def _checked(record: Record, periods: Array, hardening: float) -> Array:
+def _oscillators(
+    record: AnyRecord, periods: Array, damping: float, hardening: float
+) -> tuple[dict[str, Any], list[_Oscillator]]:
+    """What is given, checked, by the fields of a spectrum; and the oscillators."""
+    record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
@@ -202,7 +180,17 @@ def _checked(record: Record, periods: Array, hardening: float) -> Array:
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)
-    return periods
+    ground, omegas = record.acceleration.copy(), [2.0 * math.pi / period for period in periods.tolist()]
+    oscillators = [_Oscillator(ground, record.dt, omega, damping, hardening) for omega in omegas]
+    return {"record": record, "damping": damping, "hardening": hardening, "periods": periods}, oscillators
+
+
+def _spectrum(
+    given: dict[str, Any], oscillators: Sequence[_Oscillator], target: float | None, result: Array
+) -> InelasticSpectrum:
+    """Of the yield displacement, the largest one and the one at rest of each oscillator, a row each."""
+    names, elastic = ("yield_displacement", "sd", "residual"), np.array([one.elastic for one in oscillators])
+    return InelasticSpectrum(**given, target=target, elastic_sd=elastic, **dict(zip(names, result.T, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -238,11 +226,6 @@ class _Oscillator:
         return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
 
 
-def _oscillators(record: Record, periods: Array, damping: float, hardening: float) -> list[_Oscillator]:
-    ground = record.acceleration.copy()
-    return [_Oscillator(ground, record.dt, 2.0 * math.pi / period, damping, hardening) for period in periods.tolist()]
-
-
 # The search for a strength
 
 
@@ -261,8 +244,21 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
     """
     if target == 1.0:
         return start
+    from scipy.optimize import brentq
+
+    # By Brent's method on the logarithms, which lie nearly on a line
     low, high = _bracket(ductility, target, start)
-    return _solve(ductility, target, low, high)
+    values = {math.log(ratio): value for ratio, value in (low, high)}
+
+    def excess(x: float) -> float:
+        value = values[x] if x in values else ductility(math.exp(x))
+        log = math.log(max(value, 0.1) / target)
+        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
+
+    ends = sorted(values)
+    if excess(ends[0]) == 0.0:
+        return low[0]
+    return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))
 
 
 Point = tuple[float, float]
@@ -318,20 +314,3 @@ def _summit(ductility: Callable[[float], float], target: float, low: float, high
     except _Reached as reached:
         return reached.point
     return float(minimum.x), -float(minimum.fun)
-
-
-def _solve(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> float:
-    """The ratio with the target in a bracket, by Brent's method on the logarithms, which lie nearly on a line."""
-    from scipy.optimize import brentq
-
-    values = {math.log(ratio): value for ratio, value in (low, high)}
-
-    def excess(x: float) -> float:
-        value = values[x] if x in values else ductility(math.exp(x))
-        log = math.log(max(value, 0.1) / target)
-        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
-
-    ends = sorted(values)
-    if excess(ends[0]) == 0.0:
-        return low[0]
-    return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))

@@ -12,7 +12,7 @@ from tdint.analysis.given import AnyRecord, damping_of, horizontals_of
 from tdint.analysis.spectra.elastic import (
     OR_ZERO,
     SHORTEST,
-    Maxima,
+    SpectrumSettings,
     check_shortest,
     checked_periods,
     choose_settings,
@@ -22,7 +22,6 @@ from tdint.arrays import Array
 from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
-from tdint.ground_motion.processing_steps import Interpolation
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
@@ -110,9 +109,7 @@ def rotated_spectrum(
     if np.any(positive):
         check_shortest(periods, motion.first.dt, SHORTEST, OR_ZERO)
         omega = 2.0 * math.pi / periods[positive]
-        psa[positive] = omega[:, None] ** 2 * _displacements(
-            motion, omega, damping, settings.maxima, settings.interpolation
-        )
+        psa[positive] = omega[:, None] ** 2 * _displacements(motion, omega, damping, settings)
     if not np.all(positive):
         # A rigid oscillator has the peak ground acceleration in each direction.
         first, second = motion.first.acceleration, motion.second.acceleration
@@ -131,20 +128,16 @@ def rotated_spectrum(
     )
 
 
-def _displacements(
-    motion: Horizontals, omega: Array, damping: float, maxima: Maxima, interpolation: Interpolation
-) -> Array:
+def _displacements(motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings) -> Array:
     """Largest displacement (m) of each oscillator in each direction, shape (k, ANGLES)."""
     shortest = 2.0 * math.pi / float(np.max(omega))
-    first, dt = interpolation.resample(motion.first, shortest)
-    second, _ = interpolation.resample(motion.second, shortest)
-    result = np.empty((omega.size, rotation.ANGLES))
-    for chosen, parts, table in groups(omega, damping, dt, maxima, lambda count: rotation.LANES):
+    components = (settings.interpolation.resample(record, shortest) for record in (motion.first, motion.second))
+    (first, dt), (second, _) = components
+    result, between = np.empty((omega.size, rotation.ANGLES)), int(settings.maxima.between)
+    for chosen, parts, table in groups(omega, damping, dt, settings.maxima, lambda count: rotation.LANES):
         peaks = np.empty((chosen.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
-        rotation.rotated_peaks.compiled(
-            first, second, dt, parts, table, _directions(), int(maxima.between), peaks, *scratch
-        )
+        rotation.rotated_peaks.compiled(first, second, dt, parts, table, _directions(), between, peaks, *scratch)
         result[chosen] = peaks
     return result
 

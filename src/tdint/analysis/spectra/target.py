@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,49 +61,9 @@ _TF = 10.0  # s; from here on the displacement is that of the ground
 _LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
 
 
-@dataclass(frozen=True)
-class DesignSpectrum:
-    """A design spectrum as its code writes it.
-
-    Attributes
-    ----------
-    curve : callable
-        Pseudo-accelerations, m/s^2, shape (k,), at periods (s, 0 or more), shape (k,).
-    corners : tuple of float
-        Periods at which its branches meet, s.
-    damping : float
-        Damping ratio that it is for.
-    longest : float
-        Period up to which the code has it, s.
-    """
-
-    curve: Callable[[Array], Array]
-    corners: tuple[float, ...]
-    damping: float
-    longest: float
-
-
-def design_spectrum(text: str) -> DesignSpectrum | None:
-    """The design spectrum that a text names with its parameters; None for a text that has no such form.
-
-    Raises
-    ------
-    UsageError
-        An unknown name; a parameter that is missing, unknown or wrong.
-    """
-    match = _NAMED.fullmatch(text.strip())
-    if match is None:
-        return None
-    name, words = match[1].lower(), match[2]
-    if name not in CODES:
-        if words is None:
-            return None
-        raise UsageError(f"{text[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}")
-    make, parameters = CODES[name]
-    try:
-        return make(parse_named(name, words or "", parameters, EXAMPLES[name]))
-    except UsageError as error:
-        raise UsageError(f"{text[:60]!r}: {error}") from None
+DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
+"""A design spectrum as its code writes it: pseudo-accelerations, m/s^2, at periods (s, 0 or more), shape (k,); periods
+at which its branches meet, s; the damping ratio that it is for; the period up to which the code has it, s."""
 
 
 def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
@@ -121,7 +81,7 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
         shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
         return factor * STANDARD_GRAVITY * np.where(periods < t0, sds * (0.4 + 0.6 * periods / t0), shape)
 
-    return DesignSpectrum(curve, (t0, ts, tl), 0.05, _LONGEST_PERIOD)
+    return curve, (t0, ts, tl), 0.05, _LONGEST_PERIOD
 
 
 def _ec8(given: Texts) -> DesignSpectrum:
@@ -151,7 +111,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
         shape = np.where(t <= te, shape, displacement * (2.0 * np.pi / t) ** 2)
         return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
 
-    return DesignSpectrum(curve, (tb, tc, td), damping, _TF if given["type"] == "1" else _EC8_END)
+    return curve, (tb, tc, td), damping, _TF if given["type"] == "1" else _EC8_END
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
@@ -269,7 +229,7 @@ class TargetSpectrum:
 
 
 def read_target(source: str) -> TargetSpectrum:
-    """A target spectrum: a design spectrum by name (`design_spectra`), or a CSV file with a column of periods
+    """A target spectrum: a design spectrum by name with its parameters, or a CSV file with a column of periods
     (`period_s`, `T (s)`) and one of accelerations (`sa_g`, `psa_m_s2`, `Sa (g)`).
 
     A period of 0 is left out of the points: it has no place on a logarithmic axis.
@@ -281,14 +241,22 @@ def read_target(source: str) -> TargetSpectrum:
     UsageError
         An unknown name, or wrong parameters.
     """
-    design = design_spectrum(source)
-    if design is None:
-        return _read_points(source)
+    match = _NAMED.fullmatch(source.strip())
+    name, words = (match[1].lower(), match[2]) if match else ("", None)
+    if name not in CODES:
+        if words is None:
+            return _read_points(source)
+        raise UsageError(f"{source[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}")
+    make, parameters = CODES[name]
+    try:
+        curve, corners, damping, longest = make(parse_named(name, words or "", parameters, EXAMPLES[name]))
+    except UsageError as error:
+        raise UsageError(f"{source[:60]!r}: {error}") from None
     low, count = _GRID
-    grid = np.geomspace(low, design.longest, int(count))
-    periods = np.unique([*grid, *(corner for corner in design.corners if grid[0] < corner < grid[-1])])
-    zero = float(design.curve(np.zeros(1))[0])
-    return TargetSpectrum(source, periods, design.curve(periods), zero, design.damping, design.curve, design.corners[1])
+    grid = np.geomspace(low, longest, int(count))
+    periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
+    zero = float(curve(np.zeros(1))[0])
+    return TargetSpectrum(source, periods, curve(periods), zero, damping, curve, corners[1])
 
 
 def _read_points(source: str) -> TargetSpectrum:
