@@ -116,9 +116,12 @@ class Command:
         return result
 
     def refused(self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2) -> Result:
-        """What comes of bad input: a message, a code, and nothing on standard output."""
+        """What comes of bad input: a message, a code, nothing on standard output, and no file or folder that was not
+        there."""
+        before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
         result = self(*arguments, stdin=stdin, code=code)
         assert result.stdout == ""
+        assert before.issuperset(Path().iterdir())
         assert message in result.stderr
         return result
 

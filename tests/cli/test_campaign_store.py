@@ -116,8 +116,8 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
     sql(statement)
     before = Path("out", FILE).read_bytes()
     for arguments in (["study.yaml", "-o", "out"], ["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]):
-        result = tdint.refused("cannot be trusted", "campaign", *arguments, code=6)
-        assert len(result.stderr.splitlines()) == 1
+        (line,) = tdint("campaign", *arguments, code=6).stderr.splitlines()
+        assert "cannot be trusted" in line
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
     assert tables("out") == done

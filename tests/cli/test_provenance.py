@@ -93,12 +93,6 @@ def test_what_a_table_came_from(read, tdint, name):
     assert {file: file.read_bytes() for file in read.iterdir()} == before
 
 
-def test_to_standard_output_there_is_no_file(folder, tdint):
-    before = sorted(folder.iterdir())
-    tdint("modes", "forced.yaml", code=0)
-    assert sorted(folder.iterdir()) == before
-
-
 def test_options_and_units_are_told(folder, tdint):
     model = (folder / "shaken.yaml").read_bytes()
     words = ("--story", 2, "--drift", "1%,5mm", "--output-units", "kN,mm", "-o", "law.csv.gz")

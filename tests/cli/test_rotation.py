@@ -11,10 +11,6 @@ from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.reading.read import read_records
 
-COLUMNS = (
-    "record,component,damping,period_s,rotd00_psa_m_s2,rotd50_psa_m_s2,rotd100_psa_m_s2,geometric_mean_psa_m_s2,"
-    "rotd100_angle_deg"
-)
 ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 
 
@@ -33,7 +29,6 @@ def write_at2(file: Path, component: str, seed: int, samples: int = 200):
 
 def test_two_components_of_a_file(folder, tdint):
     result = tdint(*ROTD, "motion.mseed", "--damping", "0.02", "--damping", "0.05", code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [(row["component"], row["damping"], row["period_s"]) for row in table] == [
         ("HNN+HNE", damping, period) for damping in ("0.02", "0.05") for period in ("0.2", "1")
@@ -83,9 +78,8 @@ def test_several_motions_go_to_files_of_their_own(folder, tdint):
     told = json.loads((folder / "out" / "A000.json").read_text())
     assert told["settings"]["rotd"] == [0, 50, 100]
     assert [record["component"] for record in told["records"]] == ["0", "90"]
-    parts = [(folder / "out" / f"{stem}.csv").read_text() for stem in stems]
-    whole = parts[0] + "".join(part.removeprefix(COLUMNS + "\n") for part in parts[1:])
-    assert tdint(*ROTD, *files, "motion.mseed", "--jobs", "2").stdout == whole
+    parts = [row for stem in stems for row in rows(folder / "out" / f"{stem}.csv")]
+    assert rows(tdint(*ROTD, *files, "motion.mseed", "--jobs", "2").stdout) == parts
 
 
 def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):

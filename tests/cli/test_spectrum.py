@@ -14,10 +14,6 @@ from tdint.ground_motion.reading.read import read_record
 from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
-INELASTIC = (
-    "record,component,damping,hardening,target_ductility,period_s,yield_strength_ratio,ductility,residual_m,sd_m,"
-    "yield_sd_m,yield_psa_m_s2,reduction_factor"
-)
 PERIODS = ("--period", "0.2", "--period", "1.0")
 UNITS = ("--units", "m/s^2")
 EC8 = "ec8:type=1,soil=B,ag=0.25g"
@@ -32,7 +28,6 @@ def files(folder) -> set[str]:
 def test_every_component_damping_ductility_and_period_in_order(folder, tdint, targets):
     words = (*PERIODS, "--damping", "0.02", "--damping", "0.05", *(["--ductility", ",".join(targets)] * bool(targets)))
     result = tdint("spectrum", "motion.mseed", "other.mseed", *words, code=0)
-    assert result.stdout.splitlines()[0] == (INELASTIC if targets else COLUMNS)
     keys = ("record", "component", "damping", "target_ductility", "period_s")
     assert [tuple(row.get(key, "") for key in keys) for row in rows(result.stdout)] == [
         (*component, damping, target, period)
