@@ -1,4 +1,5 @@
-"""Files of all commands: none that a command did not write is replaced without --overwrite, none is waited for."""
+"""Files of all commands: what came of a call is told and done again, none that a command did not write is replaced
+without --overwrite, none is waited for."""
 
 import itertools
 import json
@@ -9,7 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from csv_rows import rows
 from tdint.analysis.chart.problem import _load
 from tdint.kernels.building.store import _look_up_in, file_name
 from tdint.kernels.building.target import native
-from tdint.system import locked
+from tdint.system import locked, version_of_sources
 from tdint_cli.main import cli
 from tdint_cli.options.grammar import FileName
 
@@ -56,7 +57,7 @@ WRITING = {
         f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.2:1 -o out --plot",
         "out/matched.csv out/matched.json out/matched.png out/motion-HNE.mseed",
     ),
-    "scale": ("scale motion.mseed UNITS --pga 0.4g -o f.csv --plot", "f.csv f.json f.png"),
+    "scale": ("scale motion.mseed UNITS --target target.csv --range 0.2:1 -o f.csv --plot", "f.csv f.json f.png"),
     "ida": (
         "ida shaken.yaml MOTION --precision 40% --max-im 1g -o out --plot",
         "out/ida.csv out/capacities.csv out/ida.json out/ida.png",
@@ -132,8 +133,28 @@ def test_every_command_that_writes_or_takes_files_is_here() -> None:
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
 
 
+def check_what_is_told(tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]) -> None:
+    """What was read and by which sources, the options, what each column means, and no path but those that were typed;
+    `rerun` finds the same cells in all tables beside it, from another working directory, and changes nothing."""
+    (file,) = (name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data)
+    about = json.loads(written[file])
+    assert about["schema"]["name"] in (f"tdint {words[0]}", "tdint campaign") and about["arguments"] == words
+    inputs = {one["file"]: one["sha256"] for one in about["inputs"]}
+    assert inputs == {name: sha256(read[name]).hexdigest() for name in inputs}
+    assert read.keys() & words <= inputs.keys()
+    assert about["versions"]["sources"] == version_of_sources()[1]
+    assert str(Path.cwd()).encode() not in written[file]
+    header = written.get(f"{file.removesuffix('json')}csv", b"").decode().partition("\n")[0]
+    assert not header or set(header.split(",")) <= set(about["columns"])
+    with chdir(Path(file).parent):
+        again = tdint("rerun", Path(file).name, code=0)
+    tables = [name for name in written if name.endswith(".csv")]
+    assert (again.stdout, again.stderr.count(": the same, cell by cell")) == ("", len(tables))
+
+
 @pytest.mark.parametrize("name", WRITING)
 def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Command, name: str) -> None:
+    """And what it wrote it tells, and writes again to the byte, but for times."""
     line, named = WRITING[name]
     arguments, files = words_of(line), named.split()
     if name == "merge":
@@ -150,6 +171,8 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Co
     tdint(*arguments, code=0)
     written = {file: data for file, data in files_in(study).items() if file not in before}
     assert set(files) <= set(written)
+    if name not in ("init", "histories"):
+        check_what_is_told(tdint, arguments, before, written)
     tdint(*arguments, code=0 if name in GOES_ON else 6)
     assert files_in(study) == before | written
     for file in written:
@@ -159,6 +182,11 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Co
         (study / file).write_bytes(written[file])
     (study / files[0]).write_bytes(b"mine")
     tdint(*arguments, "--overwrite", code=0)
+    now = files_in(study)
+    timed = {"out/summary.json", "c.csv", "c.json", "c.png"}  # of runs and of charts
+    assert {file: now[file] for file in written if file not in timed} == {
+        file: data for file, data in written.items() if file not in timed
+    }
     assert (study / files[0]).read_bytes() != b"mine"
 
 

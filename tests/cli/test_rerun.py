@@ -4,6 +4,7 @@ import gzip
 import hashlib
 import json
 import os
+from pathlib import Path
 
 import pytest
 
@@ -12,11 +13,6 @@ from tdint.errors import OutputError
 from tdint.output.tables.table import Difference, differences
 
 STORY = ["run", "shaken.yaml", "-o", "out"]
-RECORDED = """\
-base: {file: motion.mseed, component: HNE, units: m/s^2}
-floors:
-  2: {file: recorded/floors.mseed, component: F02, units: m/s^2}
-"""
 CAMPAIGN = """\
 buildings: {models: [shaken.yaml]}
 records: {files: [motion.mseed, other.mseed], component: HNE, units: m/s^2}
@@ -46,46 +42,23 @@ def rerun(folder, tdint):
     return run
 
 
-CASES = {
-    "run": (["shaken.yaml"], "stories.csv"),
-    "run of one with files of all kinds": (
-        ["shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf", "--report", "page.html", "--check"],
-        "motion.csv.gz",
-    ),
-    "run of several": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--plot"], "profiles.csv"),
-    "run of a sequence": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"], "stories.csv"),
-    "compare": (["shaken.yaml", "--recorded", "recorded.yaml"], "comparison.csv"),
-    "ida": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--max-im", "2g"], "capacities.csv"),
-    "campaign": (["campaign.yaml", "--im", "pga"], "measures.csv"),
-    "examples": (["1", "--method", "newmark-average"], "example-1-errors.csv"),
-    "spectrum": (["motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"], "other.csv"),
-}
-"""Of commands that write folders, beside those of test_provenance.py."""
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, name):
-    """All its tables, those that were named beside it, too, and from another working directory."""
-    words, table = CASES[name]
-    (folder / "campaign.yaml").write_text(CAMPAIGN)
-    if name == "compare":
-        (folder / "recorded.yaml").write_text(RECORDED)
-        tdint("run", "shaken.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
-    end = "/" * (name == "spectrum")
-    tdint(name.split()[0], *words, "-o", f"some/study{end}", code=0)
-    study = folder / "some" / "study"
-    told = next(file for file in sorted(study.glob("*.json")) if "arguments" in json.loads(file.read_text()))
-    assert str(folder) not in told.read_text()  # no path but those that were typed
-    os.chdir(study)
-    again = rerun(told.name, code=0)
-    assert again.stdout == ""
-    assert f"{table}: the same, cell by cell" in again.stderr and "difference" not in again.stderr
-
-
-@pytest.mark.slow
-def test_validate_too(tdint, rerun):
-    tdint("validate", "-o", "cases.csv", code=0)
-    rerun("cases.json", code=0)
+@pytest.mark.parametrize(
+    ("words", "table"),
+    [
+        (
+            ("run", "shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf", "--report", "page.html"),
+            "motion.csv.gz",
+        ),
+        (("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"), "stories.csv"),
+        (("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"), "other.csv"),
+    ],
+    ids=["files of all kinds", "sequence", "spectra"],
+)
+def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, words, table):
+    """All its tables, those that were named beside it, too. A call of each command: test_files.py."""
+    tdint(*words, "-o", "some/study/", code=0)
+    told = next(file for file in sorted(Path("some/study").glob("*.json")))
+    assert f"{table}: the same, cell by cell" in rerun(told, code=0).stderr
 
 
 def test_cells_that_differ_are_a_table(folder, tdint, rerun):
