@@ -162,8 +162,6 @@ def test_what_a_table_came_from(folder, tdint):
     words = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
     tdint("spectrum", "motion.mseed", "-o", "one.csv", *words, code=0)
     summary = json.loads((folder / "one.json").read_text())
-    assert list(summary) == ["schema", "command", "settings", "records", "inputs", "columns", "versions", "arguments"]
-    assert summary["command"] == "spectrum"
     settings = {"units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5"}
     assert settings.items() <= summary["settings"].items() and summary["settings"]["method"] == "exact"
     (record,) = summary["records"]
@@ -173,8 +171,6 @@ def test_what_a_table_came_from(folder, tdint):
     assert {**identity, **samples, "inputs": [{"file": "motion.mseed", "sha256": digest}]}.items() <= record.items()
     assert (record["units"], record["units_from"], record["quantity"]) == ("gal", "given", "acceleration")
     assert (record["warnings"], record["compared_with_file"]) == ([], ["number of samples"])
-    packages = {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
-    assert set(summary["versions"]) - {"plugins"} == packages  # those of tests before
 
 
 # The batch itself

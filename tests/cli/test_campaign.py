@@ -14,9 +14,6 @@ import pytest
 
 from cli.conftest import Command, change, made_once, write_folder, write_record
 from csv_rows import rows
-from tdint import ida, load_model, read_record, run_many
-from tdint.campaign.ida import IdaSettings
-from tdint.campaign.intensity import pga
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import locked, seal_of
 from tdint.output.tables import campaign
@@ -89,31 +86,6 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert "peak_drift_m_error" in summary["columns"]
     several = rows(tdint(*alone, "--scale", "0.25,1", "--check").stdout)
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
-
-
-def test_errors_are_the_same_by_every_route(study: Path, tdint: Command) -> None:
-    """`run_many`, a campaign and `ida` tell one number, to the last digit that is printed; `run` and a campaign are
-    compared above."""
-    write_record(study / "motion.mseed", "HNE", "HNN")
-    model, record = load_model("shaken.yaml"), read_record("motion.mseed", component="HNN", units="m/s^2")
-    levels = ida(model, [record], pga(), IdaSettings(max_im=2.0 * record.pga, check=True), method="moment4")
-    scales = sorted(run.scale for run in levels.curves[0].runs)
-    change("study.yaml", ("method: newmark-average", "method: moment4, check: true"), ("[0.25, 1, 2.5]", repr(scales)))
-    change("study.yaml", (", stiff.yaml]", "]"), (", other.mseed]", "]"))
-    tdint("campaign", "study.yaml", "-o", "checked", code=0)
-    table = [
-        row
-        for row in rows("checked/runs.csv")
-        if (row["building"], row["record"], row["component"]) == ("shaken", "motion.mseed", "HNN")
-    ]
-    many = run_many(model, record, scales=scales, method="moment4", check=True).to_dict()
-    assert [float(row["scale"]) for row in table] == pytest.approx(scales, rel=1e-11)
-    for name in ("peak_drift_ratio", "peak_absolute_acceleration_m_s2"):
-        for column in (name, f"{name}_error"):
-            told = [row[column] or "nan" for row in table]
-            assert sum(cell != "nan" for cell in told) >= 3
-            for values in (many, levels.to_dict()):
-                assert [f"{value:.12g}" for value in values[column]] == told, column
 
 
 def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
@@ -451,17 +423,6 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     assert len(rows("kept/runs.csv")) == 2
     for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed"]):
         tdint.refused("for one record and one scale", *of_model, *option, "-o", "new")
-
-
-def test_the_schema_knows_every_key_of_the_reader(study: Path, tdint: Command) -> None:
-    """Keys of the sections, as the message about an unknown one lists them."""
-    schema = json.loads(tdint("check", "--schema", "campaign").stdout)
-    for name in ("buildings", "records", "intensity", "analysis", "outputs"):
-        Path("bad.yaml").write_text(f"{name}: {{qqqqqq: 1}}\n")
-        said = tdint("campaign", "bad.yaml", "-o", "new").stderr
-        known = said.partition("known: ")[2].partition("\n")[0].split(", ")
-        about = schema["properties"][name]  # outputs may be a list, too
-        assert known == list(about.get("anyOf", [about])[0]["properties"])
 
 
 def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(study: Path, tdint: Command) -> None:

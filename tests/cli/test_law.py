@@ -70,13 +70,6 @@ def test_p_delta(tdint):
     assert "geometric stiffness of P-delta -1.226e+06 N/m" in result.stderr
 
 
-def test_table_and_picture(folder, tdint):
-    command = ("law", "shaken.yaml", "--drift", "1%")
-    assert tdint(*command, "-o", "x.csv", "--plot", "x.svg", code=0).stdout == ""
-    assert (folder / "x.csv").read_text() == tdint(*command).stdout
-    assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
 def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
     tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)

@@ -14,7 +14,6 @@ from tdint_cli.commands import order
 
 COMMANDS = ("stability", "overshoot", "order")
 SMALL = {"stability": ("--dt-over-t", "0.01:1:5"), "overshoot": ("--steps", "3"), "order": ("--load", "record")}
-SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 ALL = [parse(name).label for name in catalogue()]
 
 
@@ -50,21 +49,6 @@ def test_a_label_is_what_was_typed(here, tdint, folder):
     assert (told["method"], told["method_parameters"]) == (typed, {"beta": 0.25, "gamma": 0.5})
     (row,) = rows(tdint("methods", typed, code=0).stdout)
     assert row["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
-
-
-@pytest.mark.parametrize("table", ["methods", "methods --references", "failures --method impulse4,hht", "validate"])
-def test_a_table_is_split_at_its_commas(tdint, table):
-    head, *lines = tdint(*table.split(), code=0).stdout.splitlines()
-    assert lines and {len(line.split(",")) for line in lines} == {len(head.split(","))}
-
-
-@pytest.mark.parametrize(("name", "suffix"), list(zip(COMMANDS, SIGNATURES, strict=True)))
-def test_table_and_picture(here, tdint, name, suffix):
-    command = (name, *SMALL[name], "--method", "newmark", "--method", "impulse4")
-    assert tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", code=0).stdout == ""
-    assert (here / "x.csv").read_text() == tdint(*command).stdout
-    assert (here / f"x{suffix}").read_bytes().startswith(SIGNATURES[suffix])
-    assert sorted(path.name for path in here.iterdir()) == sorted(["x.csv", "x.json", f"x{suffix}"])
 
 
 def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
@@ -176,16 +160,6 @@ def test_names_are_told_apart_in_a_picture(here, tdint):
 
 
 # ---- overshoot
-
-
-def test_overshoot_rows(tdint):
-    result = tdint("overshoot", "--method", "exact", "--steps", "2", "--dt-over-t", "0.25", "--damping", "0")
-    table = rows(result.stdout)
-    assert [(row["start"], row["step"]) for row in table] == [
-        (start, step) for start in ("displacement", "velocity") for step in ("0", "1", "2")
-    ]
-    assert [float(row["displacement"]) for row in table] == pytest.approx([1, 0, -1, 0, 1, 0], abs=1e-12)
-    assert [float(row["velocity"]) for row in table] == pytest.approx([0, -1, 0, 1, 0, -1], abs=1e-12)
 
 
 def test_overshoot_words(tdint):
