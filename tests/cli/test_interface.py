@@ -6,6 +6,7 @@ import pickle
 import pydoc
 import subprocess
 import sys
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -119,6 +120,28 @@ def test_functions_give_what_commands_print(name, study, tdint):
     again = pickle.loads(pickle.dumps(result))
     assert repr(again) == repr(result) and len(repr(result)) < 250
     same(package.to_dict(again), text)
+
+
+@pytest.mark.parametrize(
+    ("name", "pairs"),
+    [
+        ("spectrum", "period_s=periods sd_m=sd psv_m_s=psv psa_m_s2=psa sv_m_s=sv sa_m_s2=sa"),
+        ("spectrum --ductility", "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration residual_m=residual"),
+        ("spectrum --ductility", "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor"),
+        ("drift-spectrum", "height_m=heights peak_drift_ratio=peak_drift_ratio roof_drift_ratio=roof_drift_ratio"),
+        ("fourier", "frequency_hz=frequencies fourier_amplitude_m_s=amplitude"),
+        ("info", "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd mean_m_s2=measures.mean"),
+        ("info", "arias_intensity_m_s=measures.arias cav_m_s=measures.cav d5_75_s=measures.d5_75"),
+        ("modes --target", "shear_cqc_N=shear_cqc"),
+        ("pushover --target", "drift_m=drift"),
+    ],
+)
+def test_a_column_has_what_it_is_called_by(name, pairs, study):
+    result = CASES[name][1]()
+    first = result[0] if hasattr(result, "__getitem__") else result
+    for column, attribute in (pair.split("=") for pair in pairs.split()):
+        values = np.atleast_1d(attrgetter(attribute)(first))
+        np.testing.assert_array_equal(package.to_dict(result)[column][: values.size], values)
 
 
 def test_the_examples_and_the_chart(study, tdint):
