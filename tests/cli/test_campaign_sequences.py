@@ -38,18 +38,8 @@ stories:
 damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
 """
-AFTERSHOCKS = [
-    "ida",
-    "frame.yaml",
-    "motion.mseed",
-    "other.mseed",
-    "--after",
-    "other.mseed",
-    "--units",
-    "m/s^2",
-    "--precision",
-    "10%",
-]
+RECORDS = ("ida", "frame.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--precision", "10%")
+AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +159,7 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
     tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0)
     table, intact = rows("ida/capacities.csv"), rows("ida/capacities.csv")[:9]
     assert [row["damage"] for row in table] == ["0"] * 9 + ["0.02"] * 9
-    tdint(*AFTERSHOCKS[:4], *AFTERSHOCKS[6:], "-o", "alone", "--threshold", "0.1%,5%", code=0)
+    tdint(*RECORDS, "-o", "alone", "--threshold", "0.1%,5%", code=0)
     plain = [{key: row[key] for key in row if key != "damage"} for row in intact]
     assert plain == rows("alone/capacities.csv")
     # A damaged building reaches a drift sooner.

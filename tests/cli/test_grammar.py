@@ -9,7 +9,7 @@ import pytest
 from cli.conftest import BEGINNINGS
 from csv_rows import rows
 from tdint.output.printed import ON_SCREEN, parse_style
-from tdint_cli.main import COMMANDS, GROUPS, cli
+from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import _specifications
 from tdint_cli.options.grammar import BESIDE, with_named_files
@@ -195,13 +195,6 @@ def test_options_stand_under_headings(name, tdint):
             assert option.heading == shared.get(option.name, option.heading)
 
 
-def test_commands_stand_in_groups(tdint):
-    text = tdint("--help").stdout
-    places = [text.index(f"\n{heading}:\n") for heading in GROUPS]
-    assert places == sorted(places)
-    assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
-
-
 # ---- Options that act on what another one asks for
 
 NEEDY = [
@@ -264,18 +257,6 @@ def test_options_that_act_are_declared_so():
         ("campaign", "--tls-key"), ("stability", "--all"), ("overshoot", "--all"), ("order", "--frequency-ratio"),
         ("order", "--stride"), ("chart", "--versus"), ("compile", "--method"),
     } <= found  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "run forced.yaml --history=h.csv --every 1",
-        "compile forced.yaml --method newmark-average --show",
-        "spectrum other.mseed --period 1 --ductility 2 --hardening 0",
-    ],
-)
-def test_with_it_an_option_is_taken(folder, tdint, line):
-    tdint(*line.split(), code=0)
 
 
 # ---- Modes of a command, and the options that each takes
