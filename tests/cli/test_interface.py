@@ -106,6 +106,10 @@ CASES = {
             package.read_horizontals("motion.mseed", units="m/s^2"), [0.2, 1.0], percentiles=[0, 50, 100]
         ),
     ),
+    "stability": (
+        ("stability", "--method", "newmark-average", "--damping", "0,0.05", "--dt-over-t", "0.1:10:3"),
+        lambda: [package.stability("newmark-average", np.geomspace(0.1, 10.0, 3), damping=xi) for xi in (0.0, 0.05)],
+    ),
     "validate": (("validate",), package.validate),
 }
 

@@ -91,19 +91,6 @@ def test_values_out_of_range(tdint, line):
 # ---- stability
 
 
-def test_stability_over_dampings_and_steps(tdint):
-    result = tdint(
-        "stability", "--method", "newmark-average", "--damping", "0", "--damping", "0.05", "--dt-over-t", "0.1:10:3"
-    )
-    assert [(row["damping"], row["dt_over_t"]) for row in rows(result.stdout)] == [
-        (damping, step) for damping in ("0", "0.05") for step in ("0.1", "1", "10")
-    ]
-    first = rows(result.stdout)[0]
-    assert float(first["spectral_radius"]) == pytest.approx(1.0)
-    assert float(first["period_error"]) == pytest.approx(0.0321, abs=5e-5)
-    assert [row["period_error"] for row in rows(result.stdout)[1:3]] == ["", ""]
-
-
 def test_the_default_steps(tdint):
     steps = [float(step) for step in column(tdint("stability", "--method", "newmark"), "dt_over_t")]
     np.testing.assert_allclose(steps, np.geomspace(1e-3, 1e3, 400), rtol=1e-11)
