@@ -4,6 +4,7 @@ import functools
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -37,6 +38,12 @@ SHAKEN = """\
     damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
     excitation: {record: {file: motion.mseed, component: HNE}}
     analysis: {method: newmark-average}
+"""
+STUDY = """\
+buildings: {models: [shaken.yaml]}
+records: {files: [motion.mseed, other.mseed], units: m/s^2}
+intensity: {scales: [0.5, 1]}
+analysis: {method: newmark-average}
 """
 
 
@@ -91,6 +98,16 @@ def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> 
         patch.chdir(folder)
         make(folder)
     return folder
+
+
+def copy_of(made: str) -> Any:
+    """A fixture: the working directory, with what is in the folder that the fixture `made` fills once."""
+
+    @pytest.fixture
+    def copy(request: pytest.FixtureRequest, here: Path) -> Path:
+        return Path(shutil.copytree(request.getfixturevalue(made), here, dirs_exist_ok=True))
+
+    return copy
 
 
 def change(file: str | Path, *changes: tuple[str, str]) -> None:

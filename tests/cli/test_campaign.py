@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli.conftest import Command, change, made_once, write_folder, write_record
+from cli.conftest import Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import locked, seal_of
@@ -51,11 +51,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def study(done: Path, here: Path) -> Path:
-    """The working directory with what is in `done`."""
-    shutil.copytree(done, here, dirs_exist_ok=True)
-    return here
+study = copy_of("done")
 
 
 def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -> None:

@@ -1,6 +1,5 @@
 """Campaigns of shocks one after the other: the rows are those of single runs of the sequences."""
 
-import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 import tdint as library
-from cli.conftest import Command, change, made_once, write_folder
+from cli.conftest import Command, change, copy_of, made_once, write_folder
 from csv_rows import rows
 from tdint.analysis.run.demands import demands
 from tdint.analysis.run.sequence import run_sequence
@@ -56,11 +55,7 @@ def done(tmp_path_factory):
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def study(done, here):
-    """The working directory with what is in `done`."""
-    shutil.copytree(done, here, dirs_exist_ok=True)
-    return here
+study = copy_of("done")
 
 
 @pytest.mark.usefixtures("study")

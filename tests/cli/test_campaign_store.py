@@ -10,17 +10,11 @@ from time import monotonic
 
 import pytest
 
-from cli.conftest import Command, change, made_once, write_folder
+from cli.conftest import STUDY, Command, change, made_once, write_folder
 from tdint.campaign import store_schema
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import LOCK
 
-STUDY = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed], units: m/s^2}
-intensity: {scales: [0.5, 1, 2.5]}
-outputs: {stories: true}
-"""
 TABLES = ("runs.csv", "stories.csv")
 
 
@@ -30,7 +24,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def make(folder: Path) -> None:
         write_folder(folder)
-        Path("study.yaml").write_text(STUDY)
+        Path("study.yaml").write_text(STUDY.replace("1]", "1, 2.5]") + "outputs: {stories: true}\n")
         Command()("campaign", "study.yaml", "-o", "out", code=0)
 
     return made_once(tmp_path_factory, make)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from cli.conftest import Command, change, made_once, write_record
+from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.motions import FieldMotions
@@ -60,11 +60,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def region(done: Path, here: Path) -> Path:
-    """The working directory with what is in `done`."""
-    shutil.copytree(done, here, dirs_exist_ok=True)
-    return here
+region = copy_of("done")
 
 
 @pytest.fixture(scope="module")
@@ -82,11 +78,7 @@ def done_with_losses(done: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def losing(done_with_losses: Path, here: Path) -> Path:
-    """The working directory with what is in `done_with_losses`."""
-    shutil.copytree(done_with_losses, here, dirs_exist_ok=True)
-    return here
+losing = copy_of("done_with_losses")
 
 
 PLACED = ("site", "distance_km", "inventory_site")

@@ -11,15 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from cli.conftest import STUDY
 from tdint.output.figures.style import Picture
 from tdint.output.printed import PRINTED, PrintedAs, in_print
 
 POINTS = 72.0 / 25.4
-STUDY = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed]}
-intensity: {scales: [0.5, 1.0]}
-"""
 
 
 STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9")

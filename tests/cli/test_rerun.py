@@ -8,17 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from cli.conftest import change
+from cli.conftest import STUDY, change
 from tdint.errors import OutputError
 from tdint.output.tables.table import Difference, differences
 
-STORY = ["run", "shaken.yaml", "-o", "out"]
-CAMPAIGN = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed], component: HNE, units: m/s^2}
-intensity: {scales: [0.5, 1.0]}
-outputs: {stories: true}
-"""
+ONE_RUN = ["run", "shaken.yaml", "-o", "out"]
+CAMPAIGN = STUDY.replace("units:", "component: HNE, units:") + "outputs: {stories: true}\n"
 UNITS = ["--units", "m/s^2", "--component", "HNE"]
 
 
@@ -62,7 +57,7 @@ def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, 
 
 
 def test_cells_that_differ_are_a_table(folder, tdint, rerun):
-    tdint(*STORY, code=0)
+    tdint(*ONE_RUN, code=0)
     file = folder / "out" / "stories.csv"
     cells = [line.split(",") for line in file.read_text().splitlines()]
     cells[2][2] = repr(2.0 * float(cells[2][2]))
@@ -89,7 +84,7 @@ def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed
     plugin = () if changed != "of_a_run.py" else ("--plugin", changed)  # one version is executed in a process
     if plugin:
         (folder / changed).write_text("METHODS = ()\n")
-    tdint(*STORY, *plugin, code=0)
+    tdint(*ONE_RUN, *plugin, code=0)
     if changed == "motion.mseed":
         make_record(folder / changed, "HNE", "HNN", peak=2.0)
     else:
@@ -226,14 +221,14 @@ def test_nothing_compared_is_no_yes(folder, tdint, rerun):
 def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
     """A plug-in that was read then needs --trust; one that was not is looked at by nobody."""
     (folder / "trusted.py").write_text("METHODS = ()\n")
-    tdint(*STORY, "--plugin", "trusted.py", code=0)
+    tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
     refused = rerun("out", code=2).stderr
     assert hashlib.sha256(b"METHODS = ()\n").hexdigest() in refused and "--trust" in refused
     rerun("out", "--trust", code=0)
     (folder / "evil.py").write_text("open('executed', 'w')\n")
     told = json.loads((folder / "out/summary.json").read_text())
     for word in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
-        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*STORY, *word]}))
+        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*ONE_RUN, *word]}))
         assert "evil.py: was not read then" in rerun("out", "--trust", code=2).stderr
         assert "--trust" in rerun("out", "--changed", code=2).stderr
     assert not (folder / "executed").exists()
