@@ -100,6 +100,21 @@ def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> 
     return folder
 
 
+def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
+    """The rows of a Parquet file, which is returned, are those of a table that was read from CSV, to its digits."""
+    found = pytest.importorskip("pyarrow.parquet").read_table(file)
+    assert found.column_names == list(table[0])
+    for given, told in zip(found.to_pylist(), table, strict=True):
+        for name, cell in given.items():
+            if isinstance(cell, float):
+                assert (
+                    told[name] == "" if np.isnan(cell) else float(told[name]) == pytest.approx(cell, rel=1e-11, abs=0.0)
+                )
+            else:
+                assert ("" if cell is None else str(cell)).lower() == told[name].lower()
+    return found
+
+
 def copy_of(made: str) -> Any:
     """A fixture: the working directory, with what is in the folder that the fixture `made` fills once."""
 

@@ -113,15 +113,6 @@ def test_names_that_still_clash_are_refused(tmp_path):
             tables_of(clash, tmp_path)
 
 
-@pytest.mark.parametrize("into", [["-o", "."], ["-o", "signal.csv"]])
-def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
-    (folder / "signal.csv").write_text("# dt = 0.01, units = g\n" + "0.1\n-0.1\n" * 50)
-    before = contents(folder)
-    result = tdint("spectrum", "signal.csv", *PERIODS, *into, "--overwrite")
-    assert (result.exit_code, contents(folder)) == (6, before)
-    assert result.stderr == "Error: signal.csv: is read by this command; write to another place\n"
-
-
 @pytest.mark.parametrize(
     ("command", "into"),
     [

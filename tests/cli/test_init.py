@@ -113,27 +113,33 @@ def test_what_is_refused(folder: Path, tdint: Command, arguments: tuple[Any, ...
     tdint.refused(message, *arguments, code=code)
 
 
-def test_long_steps_and_weak_bases_are_told(folder: Path, tdint: Command) -> None:
+STEP = "analysis: {dt: %.17g}"
+RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}"
+
+
+@pytest.mark.parametrize(
+    ("period", "force", "more", "rest", "told"),
+    [
+        (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
+        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period, usual: at least 10"),
+        (0.2, 2e4, "", STEP % (0.2 / 11.0), "base shear at yield over the weight 0.0204, usual: 0.03 to 3"),
+        (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
+        # On the record's own samples the motion is straight, and the default needs fewer.
+        (0.08, 1e5, "", RECORD, ""),
+        (0.06, 1e5, "", RECORD, "steps in the fundamental period"),
+    ],
+    ids=["usual", "long", "weak", "bearing", "eight samples", "six samples"],
+)
+def test_long_steps_and_weak_bases_are_told(
+    folder: Path, tdint: Command, period: float, force: float, more: str, rest: str, told: str
+) -> None:
     """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not of an isolator."""
-    law = "{{type: bilinear, yield_force: {0}, hardening: 0.02}}"
-    story = f"stories: [{{{{mass: 1e5, height: 3, stiffness: 1e8, law: {law}{{1}}}}}}]\n"
-    period = 2.0 * 3.141592653589793 * (1e5 / 1e8) ** 0.5
-    for name, force, more, steps, told in (
-        ("usual", 1e5, "", 11.0, None),
-        ("long", 1e5, "", 5.0, "5 steps in the fundamental period, usual: at least 10"),
-        ("weak", 2e4, "", 11.0, "base shear at yield over the weight 0.0204, usual: 0.03 to 3"),
-        ("bearing", 2e4, ", isolator: true", 11.0, None),
-    ):
-        text = story.format(force, more) + f"analysis: {{dt: {period / steps}}}\n"
-        (folder / f"{name}.yaml").write_text(text)
-        said = tdint("check", f"{name}.yaml", code=0).stderr
-        assert (told in said) if told else ("steps in" not in said and "base shear" not in said), said
-    # On the record's own samples the motion is straight, and the default needs fewer.
-    for steps, is_told in ((8.0, False), (6.0, True)):
-        of_story = f"{{mass: 1e5, height: 3, stiffness: {1e5 * (2.0 * 3.141592653589793 / (0.01 * steps)) ** 2}}}"
-        record = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}"
-        (folder / "low.yaml").write_text(f"stories: [{of_story}]\n{record}\n")
-        assert ("steps in the fundamental period" in tdint("check", "low.yaml", code=0).stderr) == is_told
+    law = f"{{type: bilinear, yield_force: {force}, hardening: 0.02}}{more}"
+    stiffness = 1e5 * (2.0 * np.pi / period) ** 2
+    story = f"stories: [{{mass: 1e5, height: 3, stiffness: {stiffness}, law: {law}}}]"
+    (folder / "of.yaml").write_text(f"{story}\n{rest}\n")
+    said = tdint("check", "of.yaml", code=0).stderr
+    assert told in said and bool(told) == ("steps in" in said or "base shear" in said)
 
 
 def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:

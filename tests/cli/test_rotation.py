@@ -96,8 +96,3 @@ def test_what_is_no_pair(folder, tdint, names, message):
     write_at2(folder / "A000.AT2", "0", 1)
     write_at2(folder / "A030.AT2", "30", 2)
     tdint.refused(f"Error: {message}", *ROTD, *names, code=4)
-
-
-@pytest.mark.parametrize("percentile", ["101", "a"])
-def test_percentiles_that_are_none(folder, tdint, percentile):
-    tdint.refused("--rotd", "spectrum", "motion.mseed", "--rotd", percentile)
