@@ -15,7 +15,7 @@ import pytest
 from cli.conftest import Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
 from tdint.campaign.store import FILE
-from tdint.campaign.store_schema import locked, seal_of
+from tdint.campaign.store_schema import locked
 from tdint.output.tables import campaign
 
 COLUMNS = [column.name for column in campaign.RUNS]
@@ -192,13 +192,6 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     tdint("campaign", "study.yaml", "-o", "new")
     assert "of different campaigns" in tdint("campaign", "merge", "out", "new", "-o", "all", code=2).stderr
     assert not Path("all", FILE).exists()
-
-
-def test_another_version_of_tdint_goes_on_and_is_noted(study: Path, tdint: Command) -> None:
-    with closing(sqlite3.connect(f"out/{FILE}")) as connection, connection:
-        connection.execute("UPDATE meta SET value = '0.0' WHERE key = 'version'")
-        connection.execute("UPDATE meta SET value = ? WHERE key = 'seal'", (seal_of(connection),))
-    assert "begun with tdint 0.0" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
 
 
 def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> None:

@@ -64,14 +64,11 @@ def test_rows_are_those_of_single_runs():
     assert [row["record"] for row in runs] == ["once more", "once more", "three", "three"]
     assert [row["shock"] for row in shocks] == ["1", "2"] * 2 + ["1", "2", "3"] * 2
     model = library.load_model("shaken.yaml")
-    three = [
-        library.read_record(name, component=component, units="m/s^2").scaled(factor)
-        for name, component, factor in (
-            ("other.mseed", "HNE", 1),
-            ("motion.mseed", "HNN", 1.5),
-            ("other.mseed", "HNE", -1),
-        )
-    ]
+    other, north = (
+        library.read_record(f"{name}.mseed", component=component, units="m/s^2")
+        for name, component in (("other", "HNE"), ("motion", "HNN"))
+    )
+    three = [other, north.scaled(1.5), other.scaled(-1)]
     case = library.prepare(model, three[0], method="newmark-average")
     for row, scale in zip(runs[2:], (0.5, 1.5), strict=True):
         found = run_sequence(case, [record.scaled(scale) for record in three])

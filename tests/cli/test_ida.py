@@ -216,10 +216,6 @@ def test_studies_that_are_refused(folder, tdint, arguments, code, message):
     tdint.refused(message, "ida", "shaken.yaml", "other.mseed", *UNITS, *arguments, code=code)
 
 
-def test_a_model_without_heights(folder, tdint):
-    tdint.refused("give story 1 a height", "ida", CONFIGS / "stiff-soft-node.yaml", "other.mseed", *UNITS, code=3)
-
-
 def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
     """Runs that fail around the collapse: no number is made of them, and the wide bracket is told."""
     original = Batch.results

@@ -183,13 +183,6 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
     tdint.refused("Error: other.mseed: central-difference is unstable", *words, code=5)
 
 
-def test_two_stations_in_a_file_are_told_apart(folder, tdint):
-    one = (folder / "other.mseed").read_bytes()
-    (folder / "two.mseed").write_bytes(one + one.replace(b"TEST ", b"ELSE "))
-    result = tdint("spectrum", "two.mseed", "--period", "1")
-    assert [row["component"] for row in rows(result.stdout)] == ["TD.TEST..HNE", "TD.ELSE..HNE"]
-
-
 @pytest.mark.parametrize(
     ("options", "told"),
     [((), False), (("--damping", "2%,5%"), True), (("--damping", "2%", "--periods", "0.5:1:3"), False)],
