@@ -351,6 +351,16 @@ def test_every_file_option_that_is_written_is_tried() -> None:
     assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile", "rerun"}
 
 
+def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
+    """A copy of a file; own.yaml has a record and of-it.yaml a model, both `of` that copy or those of the study."""
+    (study / "many").mkdir()
+    shutil.copy(study / file, study / read)
+    text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
+    record = f"{{file: {of or 'motion.mseed'}, units: m/s^2, component: HNE}}"
+    (study / "own.yaml").write_text(f"{text}excitation: {{record: {record}}}\n")
+    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", of or "shaken.yaml"))
+
+
 @pytest.mark.parametrize(
     ("name", "link"),
     [*((name, "") for name in KEPT_SAFE), *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard"))],
@@ -359,12 +369,7 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
     file, suffix, line = KEPT_SAFE[name]
     folder = {"campaign -o": "runs", "inventory --models": "house"}.get(name, "kept")
     read = Path("many", f"a{suffix}") if "many" in line else Path(f"{folder}{suffix}")
-    (study / "many").mkdir()
-    shutil.copy(study / file, study / read)
-    model = (study / "shaken.yaml").read_text()
-    record = f"{{file: {read}, units: m/s^2, component: HNE}}"
-    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
-    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", str(read)))
+    lay_out(study, file, read, of=str(read))
     written = read
     if link:
         written = Path(f"link{suffix}")
@@ -385,12 +390,7 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
 def test_what_cannot_be_written_is_known_before_the_work(study: Path, tdint: Command, name: str, where: str) -> None:
     """One code, 6, for every output of every command; nothing is done."""
     file, suffix, line = KEPT_SAFE[name]
-    (study / "many").mkdir()
-    shutil.copy(study / file, study / "many" / f"a{Path(file).suffix}")
-    model = (study / "shaken.yaml").read_text()
-    record = "{file: motion.mseed, units: m/s^2, component: HNE}"
-    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
-    shutil.copy(study / "study.yaml", study / "of-it.yaml")
+    lay_out(study, file, Path("many", f"a{Path(file).suffix}"))
     written = Path(f"there{suffix}") if "exists" in where else Path(f"shaken.yaml/there{suffix}")
     if "exists" in where:
         (study / written).write_bytes(b"mine")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from ground_motion import format_files
 
 ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 
@@ -14,14 +15,7 @@ ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 def write_at2(file: Path, component: str, seed: int, samples: int = 200):
     """A PEER file of noise."""
     values = np.random.default_rng(seed).standard_normal(samples) * 0.1
-    lines = [
-        "PEER NGA STRONG MOTION DATABASE RECORD",
-        f"Somewhere, 1/1/2000, Station, {component}",
-        "ACCELERATION TIME SERIES IN UNITS OF G",
-        f"NPTS= {samples}, DT= .0050 SEC",
-        *(f"{value:.7E}" for value in values),
-    ]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    file.write_text(format_files.at2(values).replace(", 067", f", {component}"), encoding="utf-8")
 
 
 def test_two_components_of_a_file(folder, tdint):
