@@ -5,6 +5,7 @@ the line `<!-- session -->`, holds commands and what they print; `--parts` leave
 """
 
 import ast
+import importlib.util
 import inspect
 import math
 import os
@@ -40,6 +41,14 @@ FOLDERS = ("cli", "configs", "records", "src", "tests")
 def files():
     """The READMEs and the glossary."""
     return [README, *(path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.md")))]
+
+
+def program(name):
+    """A program that stands beside the package, as a module."""
+    specification = importlib.util.spec_from_file_location(name, ROOT / ".github" / f"{name}.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
 
 
 def _number(value):

@@ -64,18 +64,8 @@ def test_no_result_is_declared_twice():
 def test_a_column_is_declared_in_one_place():
     """Columns are made where their tables are."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
-    subjects = (
-        "buildings",
-        "responses",
-        "spectra",
-        "methods",
-        "campaign",
-        "damage_states",
-        "studies",
-        "exports",
-        "table",
-    )
-    assert makers == {f"src/tdint/output/tables/{name}.py" for name in (*subjects, "table")}
+    subjects = {"buildings", "responses", "spectra", "methods", "campaign", "damage_states", "studies", "exports"}
+    assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 
 
 def modules():

@@ -80,6 +80,14 @@ def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch)
     refused(None, "pipe: is a named pipe, which may never end", str(tmp_path / "pipe"))
 
 
+def raises(reader, folder, text, message):
+    """A reader refuses a file with this text."""
+    read, error, _ = READERS[reader]
+    (folder / "t.csv").write_text(text)
+    with pytest.raises(error, match=message):
+        read(str(folder / "t.csv"))
+
+
 FULL = {
     "target": ("period_s,sa_g", "1,2"), "fragility": ("im,edp", "1,2"), "path": ("drift_m", "1"),
     "factors": ("record,component,factor", "a,b,2"), "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
@@ -89,12 +97,8 @@ FULL = {
 
 @pytest.mark.parametrize("reader", FULL)
 def test_rows_with_too_much(tmp_path, reader):
-    read, error, _ = READERS[reader]
     header, row = FULL[reader]
-    file = tmp_path / "t.csv"
-    file.write_text(f"{header}\n{row},9\n")
-    with pytest.raises(error, match=r"t\.csv:2: (\d) cells under \d columns?"):
-        read(str(file))
+    raises(reader, tmp_path, f"{header}\n{row},9\n", r"t\.csv:2: (\d) cells under \d columns?")
 
 
 def test_empty_cells_at_the_end_are_nothing(tmp_path):
@@ -109,35 +113,27 @@ def test_empty_cells_at_the_end_are_nothing(tmp_path):
 
 @pytest.mark.parametrize("reader", [name for name in FULL if name != "path"])
 def test_files_without_rows(tmp_path, reader):
-    file = tmp_path / "t.csv"
-    file.write_text(f"{FULL[reader][0]}\n\n")
-    with pytest.raises(ModelError, match=r"t\.csv: has no rows below its header; \w+"):
-        READERS[reader][0](str(file))
+    raises(reader, tmp_path, f"{FULL[reader][0]}\n\n", r"t\.csv: has no rows below its header; \w+")
 
 
-def ending_in(cell, reader, folder):
-    """The header of a reader's table, and a file of it whose row ends in a cell."""
+def ending_in(cell, reader):
+    """A reader's table whose row ends in a cell."""
     header, row = FULL[reader]
-    file = folder / "t.csv"
-    file.write_text(f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n")
-    return header, file
+    return f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n"
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-1e999", "x", "1,5", "1_0", "\uff11"])
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
-    header, file = ending_in(f'"{cell}"', reader, tmp_path)
-    with pytest.raises(READERS[reader][1], match=rf"t\.csv:2: {header.split(',')[-1]}:? must be a .*, got '{cell}'"):
-        READERS[reader][0](str(file))
+    last = FULL[reader][0].split(",")[-1]
+    raises(reader, tmp_path, ending_in(f'"{cell}"', reader), rf"t\.csv:2: {last}:? must be a .*, got '{cell}'")
 
 
 @pytest.mark.parametrize("cell", ["1e308", "-1e61", "5e-324"])
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_out_of_all_proportion(tmp_path, reader, cell):
     """As in model files: the square of such a number is none."""
-    _, file = ending_in(cell, reader, tmp_path)
-    with pytest.raises(READERS[reader][1], match=rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60"):
-        READERS[reader][0](str(file))
+    raises(reader, tmp_path, ending_in(cell, reader), rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import functools
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -37,6 +38,12 @@ SHAKEN = """\
     damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
     excitation: {record: {file: motion.mseed, component: HNE}}
     analysis: {method: newmark-average}
+"""
+STUDY = """\
+buildings: {models: [shaken.yaml]}
+records: {files: [motion.mseed, other.mseed], units: m/s^2}
+intensity: {scales: [0.5, 1]}
+analysis: {method: newmark-average}
 """
 
 
@@ -93,6 +100,29 @@ def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> 
     return folder
 
 
+def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
+    """The rows of a Parquet file, which is returned, are those of a table that was read from CSV, to its digits."""
+    found = pytest.importorskip("pyarrow.parquet").read_table(file)
+    assert found.column_names == list(table[0])
+    for given, told in zip(found.to_pylist(), table, strict=True):
+        for name, cell in given.items():
+            if isinstance(cell, float) and not np.isnan(cell):
+                assert float(told[name]) == pytest.approx(cell, rel=1e-11, abs=0.0)
+            else:
+                assert ("" if cell is None or cell != cell else str(cell)).lower() == told[name].lower()
+    return found
+
+
+def copy_of(made: str) -> Any:
+    """A fixture: the working directory, with what is in the folder that the fixture `made` fills once."""
+
+    @pytest.fixture
+    def copy(request: pytest.FixtureRequest, here: Path) -> Path:
+        return Path(shutil.copytree(request.getfixturevalue(made), here, dirs_exist_ok=True))
+
+    return copy
+
+
 def change(file: str | Path, *changes: tuple[str, str]) -> None:
     """Replace texts in a file; each of them stands there."""
     text = Path(file).read_text()
@@ -116,9 +146,12 @@ class Command:
         return result
 
     def refused(self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2) -> Result:
-        """What comes of bad input: a message, a code, and nothing on standard output."""
+        """What comes of bad input: a message, a code, nothing on standard output, and no file or folder that was not
+        there."""
+        before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
         result = self(*arguments, stdin=stdin, code=code)
         assert result.stdout == ""
+        assert before.issuperset(Path().iterdir())
         assert message in result.stderr
         return result
 

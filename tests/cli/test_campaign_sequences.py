@@ -1,6 +1,5 @@
 """Campaigns of shocks one after the other: the rows are those of single runs of the sequences."""
 
-import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 import tdint as library
-from cli.conftest import Command, change, made_once, write_folder
+from cli.conftest import Command, change, copy_of, made_once, write_folder
 from csv_rows import rows
 from tdint.analysis.run.demands import demands
 from tdint.analysis.run.sequence import run_sequence
@@ -38,18 +37,8 @@ stories:
 damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
 """
-AFTERSHOCKS = [
-    "ida",
-    "frame.yaml",
-    "motion.mseed",
-    "other.mseed",
-    "--after",
-    "other.mseed",
-    "--units",
-    "m/s^2",
-    "--precision",
-    "10%",
-]
+RECORDS = ("ida", "frame.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--precision", "10%")
+AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +55,7 @@ def done(tmp_path_factory):
     return made_once(tmp_path_factory, make)
 
 
-@pytest.fixture
-def study(done, here):
-    """The working directory with what is in `done`."""
-    shutil.copytree(done, here, dirs_exist_ok=True)
-    return here
+study = copy_of("done")
 
 
 @pytest.mark.usefixtures("study")
@@ -79,14 +64,11 @@ def test_rows_are_those_of_single_runs():
     assert [row["record"] for row in runs] == ["once more", "once more", "three", "three"]
     assert [row["shock"] for row in shocks] == ["1", "2"] * 2 + ["1", "2", "3"] * 2
     model = library.load_model("shaken.yaml")
-    three = [
-        library.read_record(name, component=component, units="m/s^2").scaled(factor)
-        for name, component, factor in (
-            ("other.mseed", "HNE", 1),
-            ("motion.mseed", "HNN", 1.5),
-            ("other.mseed", "HNE", -1),
-        )
-    ]
+    other, north = (
+        library.read_record(f"{name}.mseed", component=component, units="m/s^2")
+        for name, component in (("other", "HNE"), ("motion", "HNN"))
+    )
+    three = [other, north.scaled(1.5), other.scaled(-1)]
     case = library.prepare(model, three[0], method="newmark-average")
     for row, scale in zip(runs[2:], (0.5, 1.5), strict=True):
         found = run_sequence(case, [record.scaled(scale) for record in three])
@@ -169,7 +151,7 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
     tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0)
     table, intact = rows("ida/capacities.csv"), rows("ida/capacities.csv")[:9]
     assert [row["damage"] for row in table] == ["0"] * 9 + ["0.02"] * 9
-    tdint(*AFTERSHOCKS[:4], *AFTERSHOCKS[6:], "-o", "alone", "--threshold", "0.1%,5%", code=0)
+    tdint(*RECORDS, "-o", "alone", "--threshold", "0.1%,5%", code=0)
     plain = [{key: row[key] for key in row if key != "damage"} for row in intact]
     assert plain == rows("alone/capacities.csv")
     # A damaged building reaches a drift sooner.

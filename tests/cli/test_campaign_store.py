@@ -10,17 +10,11 @@ from time import monotonic
 
 import pytest
 
-from cli.conftest import Command, change, made_once, write_folder
+from cli.conftest import STUDY, Command, change, made_once, write_folder
 from tdint.campaign import store_schema
 from tdint.campaign.store import FILE
 from tdint.campaign.store_schema import LOCK
 
-STUDY = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed], units: m/s^2}
-intensity: {scales: [0.5, 1, 2.5]}
-outputs: {stories: true}
-"""
 TABLES = ("runs.csv", "stories.csv")
 
 
@@ -30,7 +24,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def make(folder: Path) -> None:
         write_folder(folder)
-        Path("study.yaml").write_text(STUDY)
+        Path("study.yaml").write_text(STUDY.replace("1]", "1, 2.5]") + "outputs: {stories: true}\n")
         Command()("campaign", "study.yaml", "-o", "out", code=0)
 
     return made_once(tmp_path_factory, make)
@@ -116,8 +110,8 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
     sql(statement)
     before = Path("out", FILE).read_bytes()
     for arguments in (["study.yaml", "-o", "out"], ["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]):
-        result = tdint.refused("cannot be trusted", "campaign", *arguments, code=6)
-        assert len(result.stderr.splitlines()) == 1
+        (line,) = tdint("campaign", *arguments, code=6).stderr.splitlines()
+        assert "cannot be trusted" in line
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
     assert tables("out") == done

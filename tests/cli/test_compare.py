@@ -169,21 +169,13 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
         "shift: soon\n"
     )
     result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "bad.yaml", code=3)
-    faults = [line.partition("bad.yaml:")[2] for line in result.stderr.splitlines()]
-    assert faults == [
-        "1:1: bas: unknown key; did you mean 'base'?",
-        "2:25: base.column: is for a table, component for a record; leave one of them out",
-        "2:52: base.quantity: unknown quantity 'displacment'; did you mean 'displacement'?",
-        "4:22: floors.2.sign: must be a whole number from -1 to 1 (a direction), got '2'",
-        "5:9: floors.roof: floor 2 is given twice",
-        "5:10: floors.roof.fil: unknown key; did you mean 'file'?",
-        "6:6: floors.7: must be a floor from 1 to 2 (the number of stories), or roof",
-        "6:23: floors.7.units: say displacement, the quantity says acceleration; give one of m/s^2, cm/s^2, gal, "
-        "mm/s^2, g, in/s^2, ft/s^2",
-        "7:7: band: must be a list of two frequencies (Hz), the lower one first",
-        "8:9: window: must be a list of two times (s), the earlier one first, got 1",
-        "9:8: shift: must be auto or a number of seconds, got 'soon'",
-    ]
+    faults = [line.partition("bad.yaml:")[2].split(": ")[:2] for line in result.stderr.splitlines()]
+    assert [" ".join(fault) for fault in faults] == [
+        "1:1 bas", "2:25 base.column", "2:52 base.quantity", "4:22 floors.2.sign", "5:9 floors.roof",
+        "5:10 floors.roof.fil", "6:6 floors.7", "6:23 floors.7.units", "7:7 band", "8:9 window", "9:8 shift",
+    ]  # fmt: skip
+    for told in ("did you mean 'base'?", "did you mean 'displacement'?", "floor 2 is given twice", "from 1 to 2"):
+        assert told in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -2,40 +2,11 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from csv_rows import rows
-from tdint.analysis.defaults import STORY_HEIGHT
-from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
-from tdint.ground_motion.reading.read import read_record
-from tdint.written_numbers import parse_grid
 
-COLUMNS = "record,component,damping,period_s,height_m,peak_drift_ratio,story,roof_drift_ratio"
 PERIODS = ("--period", "0.5", "--period", "2")
-
-
-def test_every_component_damping_and_period_in_order(folder, tdint):
-    options = ("--damping", "0.02", "--damping", "0.05", *PERIODS)
-    result = tdint("drift-spectrum", "motion.mseed", "other.mseed", *options, code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
-    assert [(row["record"], row["component"], row["damping"], row["period_s"]) for row in rows(result.stdout)] == [
-        (record, component, damping, period)
-        for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
-        for damping in ("0.02", "0.05")
-        for period in ("0.5", "2")
-    ]
-
-
-def test_the_defaults_are_those_of_the_library(folder, tdint):
-    table = rows(tdint("drift-spectrum", "other.mseed").stdout)
-    periods = parse_grid("0.2:10:200").values()
-    record = read_record("other.mseed")
-    expected = drift_spectrum(record, periods, 0.05, story_height=STORY_HEIGHT, height_period=HeightPeriod())
-    columns = {"height_m": expected.heights, "story": expected.story, "period_s": periods}
-    columns |= {name: getattr(expected, name) for name in ("peak_drift_ratio", "roof_drift_ratio")}
-    for column, values in columns.items():
-        np.testing.assert_allclose([float(row[column]) for row in table], values, rtol=5.1e-12)
 
 
 def test_the_kind_of_building(folder, tdint):
@@ -52,14 +23,11 @@ def test_the_kind_of_building(folder, tdint):
 
 
 def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
-    assert tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot").exit_code == 0
-    assert sorted(path.name for path in (folder / "out").iterdir()) == ["motion.csv", "motion.json", "motion.png"]
+    tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot", code=0)
     assert (folder / "out" / "motion.png").read_bytes().startswith(b"\x89PNG")
-    summary = json.loads((folder / "out" / "motion.json").read_text())
-    assert summary["command"] == "drift-spectrum"
+    settings = json.loads((folder / "out" / "motion.json").read_text())["settings"]
     buildings = {"stories": None, "story_height": 3.5, "height_period": "0.0731,0.75", "beam": False}
-    assert {"damping": [0.05], "periods": [0.5, 2.0], **buildings}.items() <= summary["settings"].items()
-    assert [record["component"] for record in summary["records"]] == ["HNE", "HNN"]
+    assert {"damping": [0.05], "periods": [0.5, 2.0], **buildings}.items() <= settings.items()
 
 
 @pytest.mark.parametrize(

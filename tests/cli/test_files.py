@@ -1,15 +1,15 @@
-"""Files of all commands: none that a command did not write is replaced without --overwrite, none is waited for."""
+"""Files of all commands: what came of a call is told and done again, none that a command did not write is replaced
+without --overwrite, none is waited for."""
 
 import itertools
 import json
-import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,12 @@ from typing import Any
 import click
 import pytest
 
-from cli.conftest import Command
+from cli.conftest import Command, check_parquet
 from csv_rows import rows
 from tdint.analysis.chart.problem import _load
 from tdint.kernels.building.store import _look_up_in, file_name
 from tdint.kernels.building.target import native
-from tdint.system import locked
+from tdint.system import locked, version_of_sources
 from tdint_cli.main import cli
 from tdint_cli.options.grammar import FileName
 
@@ -56,7 +56,7 @@ WRITING = {
         f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.2:1 -o out --plot",
         "out/matched.csv out/matched.json out/matched.png out/motion-HNE.mseed",
     ),
-    "scale": ("scale motion.mseed UNITS --pga 0.4g -o f.csv --plot", "f.csv f.json f.png"),
+    "scale": ("scale motion.mseed UNITS --target target.csv --range 0.2:1 -o f.csv --plot", "f.csv f.json f.png"),
     "ida": (
         "ida shaken.yaml MOTION --precision 40% --max-im 1g -o out --plot",
         "out/ida.csv out/capacities.csv out/ida.json out/ida.png",
@@ -132,8 +132,28 @@ def test_every_command_that_writes_or_takes_files_is_here() -> None:
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
 
 
+def check_what_is_told(tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]) -> None:
+    """What was read and by which sources, the options, what each column means, and no path but those that were typed;
+    `rerun` finds the same cells in all tables beside it, from another working directory, and changes nothing."""
+    (file,) = (name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data)
+    about = json.loads(written[file])
+    assert about["schema"]["name"] in (f"tdint {words[0]}", "tdint campaign") and about["arguments"] == words
+    inputs = {one["file"]: one["sha256"] for one in about["inputs"]}
+    assert inputs == {name: sha256(read[name]).hexdigest() for name in inputs}
+    assert read.keys() & words <= inputs.keys()
+    assert about["versions"]["sources"] == version_of_sources()[1]
+    assert str(Path.cwd()).encode() not in written[file]
+    header = written.get(f"{file.removesuffix('json')}csv", b"").decode().partition("\n")[0]
+    assert not header or set(header.split(",")) <= set(about["columns"])
+    with chdir(Path(file).parent):
+        again = tdint("rerun", Path(file).name, code=0)
+    tables = [name for name in written if name.endswith(".csv")]
+    assert (again.stdout, again.stderr.count(": the same, cell by cell")) == ("", len(tables))
+
+
 @pytest.mark.parametrize("name", WRITING)
 def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Command, name: str) -> None:
+    """And what it wrote it tells, and writes again to the byte, but for times."""
     line, named = WRITING[name]
     arguments, files = words_of(line), named.split()
     if name == "merge":
@@ -150,6 +170,8 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Co
     tdint(*arguments, code=0)
     written = {file: data for file, data in files_in(study).items() if file not in before}
     assert set(files) <= set(written)
+    if name not in ("init", "histories"):
+        check_what_is_told(tdint, arguments, before, written)
     tdint(*arguments, code=0 if name in GOES_ON else 6)
     assert files_in(study) == before | written
     for file in written:
@@ -159,6 +181,11 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Co
         (study / file).write_bytes(written[file])
     (study / files[0]).write_bytes(b"mine")
     tdint(*arguments, "--overwrite", code=0)
+    now = files_in(study)
+    timed = {"out/summary.json", "c.csv", "c.json", "c.png"}  # of runs and of charts
+    assert {file: now[file] for file in written if file not in timed} == {
+        file: data for file, data in written.items() if file not in timed
+    }
     assert (study / files[0]).read_bytes() != b"mine"
 
 
@@ -324,6 +351,16 @@ def test_every_file_option_that_is_written_is_tried() -> None:
     assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile", "rerun"}
 
 
+def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
+    """A copy of a file; own.yaml has a record and of-it.yaml a model, both `of` that copy or those of the study."""
+    (study / "many").mkdir()
+    shutil.copy(study / file, study / read)
+    text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
+    record = f"{{file: {of or 'motion.mseed'}, units: m/s^2, component: HNE}}"
+    (study / "own.yaml").write_text(f"{text}excitation: {{record: {record}}}\n")
+    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", of or "shaken.yaml"))
+
+
 @pytest.mark.parametrize(
     ("name", "link"),
     [*((name, "") for name in KEPT_SAFE), *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard"))],
@@ -332,12 +369,7 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
     file, suffix, line = KEPT_SAFE[name]
     folder = {"campaign -o": "runs", "inventory --models": "house"}.get(name, "kept")
     read = Path("many", f"a{suffix}") if "many" in line else Path(f"{folder}{suffix}")
-    (study / "many").mkdir()
-    shutil.copy(study / file, study / read)
-    model = (study / "shaken.yaml").read_text()
-    record = f"{{file: {read}, units: m/s^2, component: HNE}}"
-    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
-    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", str(read)))
+    lay_out(study, file, read, of=str(read))
     written = read
     if link:
         written = Path(f"link{suffix}")
@@ -358,12 +390,7 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
 def test_what_cannot_be_written_is_known_before_the_work(study: Path, tdint: Command, name: str, where: str) -> None:
     """One code, 6, for every output of every command; nothing is done."""
     file, suffix, line = KEPT_SAFE[name]
-    (study / "many").mkdir()
-    shutil.copy(study / file, study / "many" / f"a{Path(file).suffix}")
-    model = (study / "shaken.yaml").read_text()
-    record = "{file: motion.mseed, units: m/s^2, component: HNE}"
-    (study / "own.yaml").write_text(f"{model.partition('excitation:')[0]}excitation: {{record: {record}}}\n")
-    shutil.copy(study / "study.yaml", study / "of-it.yaml")
+    lay_out(study, file, Path("many", f"a{Path(file).suffix}"))
     written = Path(f"there{suffix}") if "exists" in where else Path(f"shaken.yaml/there{suffix}")
     if "exists" in where:
         (study / written).write_bytes(b"mine")
@@ -424,11 +451,12 @@ def test_names_are_looked_at_before_the_runs(
 
 
 def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
+    before = files_in(study)
     for line in ("modes shaken.yaml", "spectrum MOTION --period 1", "stability --method wilson --dt-over-t 0.1"):
         words = words_of(line)
         assert tdint(*words, "-o", "-").stdout == tdint(*words).stdout != ""
     tdint.refused("this command writes a folder", *words_of("run shaken.yaml MOTION -o -"))
-    assert not (study / "-").exists()
+    assert files_in(study) == before
 
 
 @pytest.mark.parametrize(
@@ -444,17 +472,10 @@ def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
 )
 def test_a_single_table_is_written_as_parquet(folder, tdint, line):
     """The same columns, words and numbers as in CSV, where these have 12 digits; each with its unit."""
-    parquet = pytest.importorskip("pyarrow.parquet")
+    pytest.importorskip("pyarrow")
     for file in ("a.csv", "a.parquet"):
         tdint(*line.split(), "-o", file, "--overwrite", code=0)
-    table, expected = parquet.read_table("a.parquet"), rows(Path("a.csv").read_text())
-    assert table.column_names == list(expected[0])
-    for name in table.column_names:
-        for cell, text in zip(table[name].to_pylist(), (row[name] for row in expected), strict=True):
-            if isinstance(cell, float):
-                assert text == "" if math.isnan(cell) else float(text) == pytest.approx(cell, rel=1e-11, abs=1e-300)
-            else:
-                assert ("" if cell is None else str(cell)).lower() == text.lower()
+    table = check_parquet("a.parquet", rows(Path("a.csv").read_text()))
     told = json.loads(Path("a.json").read_text())["columns"]
     for name in table.column_names:
         known = {key.decode(): value.decode() for key, value in table.field(name).metadata.items()}

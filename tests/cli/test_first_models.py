@@ -101,7 +101,6 @@ def test_what_makes_no_building(folder, tdint, line, code, message):
     for name, text in BAD_CURVES.items():
         Path(name).write_text(text)
     tdint.refused(message, "init", "b.yaml", *line.split(), code=code)
-    assert not Path("b.yaml").exists()
 
 
 @pytest.mark.parametrize(

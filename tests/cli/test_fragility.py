@@ -40,15 +40,6 @@ def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
     tdint.refused("give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g")
 
 
-def test_a_table_of_stripes(folder, tdint, drawn):
-    tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg", code=0)
-    (row,) = rows(folder / "f.csv")
-    assert (row["fit"], row["theta"][:7], row["beta"][:7]) == ("stripes", "1.07611", "0.42923")
-    assert float(row["beta_total"]) ** 2 == pytest.approx(float(row["beta"]) ** 2 + 0.04)
-    assert (row["threshold"], row["im"], row["records"]) == ("", "", "40")
-    assert "95 % confidence" in (folder / "f.svg").read_text()
-
-
 def test_a_folder_of_a_study(folder, tdint, make_record):
     for samples in (60, 120):
         make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
@@ -78,9 +69,6 @@ def test_runs_of_a_campaign(folder, tdint):
     assert "1 of 10 runs have no result and are left out" in result.stderr
     assert row["failed"] == "1" and "counted as exceeding, and as not" in result.stderr
     assert float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
-    (folder / "stripes.csv").write_text("im,collapses,records\n1,0,3\n2,1,3\n3,2,3\n")
-    (same,) = rows(tdint("fragility", "stripes.csv").stdout)
-    assert (same["theta"], same["beta"]) == (row["theta"], row["beta"]) and "failed" not in same
 
 
 @pytest.mark.parametrize(
@@ -144,14 +132,3 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
 def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
     tdint.refused(message, "fragility", "t.csv", *arguments, code=code)
-
-
-def test_runs_in_other_units_are_understood(folder, tdint):
-    """A campaign's runs.csv in the units of its models: the column's end tells the unit of the intensity."""
-    body = [f"a,{k},done,{0.01 * k * (1 + 0.3 * (k % 2))},{0.1 * k}" for k in range(1, 8)]
-    found = {}
-    for unit, name in (("g", "sa_t1_g"), ("m/s^2", "sa_t1_m_s2")):
-        (folder / "runs.csv").write_text("\n".join([f"building,record,status,peak_drift_ratio,{name}", *body]) + "\n")
-        (found[unit],) = rows(tdint("fragility", ".", "--threshold", "3%", "--fit", "cloud").stdout)
-        assert found[unit]["unit"] == unit
-    assert found["g"]["theta"] == found["m/s^2"]["theta"]

@@ -6,13 +6,8 @@ import pytest
 from csv_rows import rows
 from ground_motion import format_files
 from tdint.analysis.spectra.elastic import spectrum
-from tdint.ground_motion.measures import measure, spectrum_intensity
+from tdint.ground_motion.measures import spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
-
-COLUMNS = (
-    "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,cav5_m_s,"
-    "d5_75_s,d5_95_s,housner_intensity_m,mean_m_s2,leading_zeros,trailing_zeros,notes"
-)
 
 
 def errors(result) -> list[str]:
@@ -20,10 +15,9 @@ def errors(result) -> list[str]:
 
 
 def test_a_row_per_component_in_order(folder, tdint):
-    """With the numbers of the library."""
+    """The numbers are those of the library: test_interface.py."""
     result = tdint("info", "motion.mseed", "other.mseed")
     assert (result.exit_code, errors(result)) == (0, [])
-    assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [(row["record"], row["component"], row["id"]) for row in table] == [
         ("motion.mseed", "HNE", "TD.TEST..HNE"),
@@ -31,21 +25,14 @@ def test_a_row_per_component_in_order(folder, tdint):
         ("other.mseed", "HNE", "TD.TEST..HNE"),
     ]
     assert {(row["samples"], row["dt_s"], row["duration_s"]) for row in table} == {("300", "0.01", "2.99")}
-    row, record = table[2], read_record("other.mseed")
+    row = table[2]
     assert (row["start"], row["units"]) == ("", "m/s^2 (assumed)")
     assert "m/s^2 is assumed" in row["notes"]
     assert "Warning: other.mseed: m/s^2 is assumed" in result.stderr
-    measures = measure(record)
-    for column, value in (
-        ("pga_m_s2", record.pga), ("pgv_m_s", measures.pgv), ("pgd_m", measures.pgd),
-        ("arias_intensity_m_s", measures.arias), ("cav_m_s", measures.cav), ("cav5_m_s", measures.cav5),
-        ("d5_75_s", measures.d5_75), ("d5_95_s", measures.d5_95), ("mean_m_s2", record.acceleration.mean()),
-    ):  # fmt: skip
-        assert float(row[column]) == pytest.approx(value, rel=5.1e-12)
     assert (row["leading_zeros"], row["trailing_zeros"]) == ("0", "0")
     # The Housner intensity does not depend on the number of periods.
     periods = np.linspace(0.1, 2.5, 4801)
-    fine = spectrum_intensity(periods, spectrum(record, periods, 0.05).psv)
+    fine = spectrum_intensity(periods, spectrum(read_record("other.mseed"), periods, 0.05).psv)
     assert float(row["housner_intensity_m"]) == pytest.approx(fine, rel=1e-4)
 
 

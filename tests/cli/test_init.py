@@ -67,18 +67,16 @@ def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Command) -> None:
     record = read_record("building-motion.txt")
     pulse = VelocityPulse()
     assert (record.dt, record.duration, record.units_from) == (0.01, 20.0, "file")
-    velocity = 0.01 * np.cumsum(record.acceleration)  # the trapezoidal rule, for it starts from zero
+    velocity = 0.01 * np.cumsum(record.acceleration)
     assert np.max(np.abs(velocity)) < pulse.velocity
     # Neither a velocity nor, with the phase pi/2, a displacement stays: v is odd about the middle of the pulse.
     assert abs(velocity[-1]) < 1e-5
     assert abs(0.01 * velocity.sum()) < 1e-4
-    t = np.linspace(0.0, pulse.duration, 20001)
-    exact = pulse.acceleration(t)
-    v = np.concatenate([[0.0], np.cumsum(0.5 * (exact[1:] + exact[:-1])) * (t[1] - t[0])])
-    middle = t - 0.5 * pulse.duration
-    omega = 2.0 * np.pi / pulse.period
-    shape = 0.5 * pulse.velocity * (1.0 + np.cos(omega * middle / pulse.cycles)) * np.cos(omega * middle + pulse.phase)
-    np.testing.assert_allclose(v, shape, atol=1e-6)
+    t = 0.01 * np.arange(1 + round(pulse.duration / 0.01))
+    angle = 2.0 * np.pi * (t - 0.5 * pulse.duration) / pulse.period
+    shape = 0.5 * pulse.velocity * (1.0 + np.cos(angle / pulse.cycles)) * np.cos(angle + pulse.phase)
+    trapezoids = velocity - 0.005 * record.acceleration
+    np.testing.assert_allclose(trapezoids[: t.size], shape, atol=5e-4 * pulse.velocity)
 
 
 def test_a_model_of_a_type(folder: Path, tdint: Command) -> None:
@@ -113,30 +111,35 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
 )
 def test_what_is_refused(folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str) -> None:
     tdint.refused(message, *arguments, code=code)
-    assert not (folder / "building.yaml").exists() and not (folder / "forced-motion.txt").exists()
 
 
-def test_long_steps_and_weak_bases_are_told(folder: Path, tdint: Command) -> None:
+STEP = "analysis: {dt: %.17g}"
+RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}"
+
+
+@pytest.mark.parametrize(
+    ("period", "force", "more", "rest", "told"),
+    [
+        (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
+        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period, usual: at least 10"),
+        (0.2, 2e4, "", STEP % (0.2 / 11.0), "base shear at yield over the weight 0.0204, usual: 0.03 to 3"),
+        (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
+        # On the record's own samples the motion is straight, and the default needs fewer.
+        (0.08, 1e5, "", RECORD, ""),
+        (0.06, 1e5, "", RECORD, "steps in the fundamental period"),
+    ],
+    ids=["usual", "long", "weak", "bearing", "eight samples", "six samples"],
+)
+def test_long_steps_and_weak_bases_are_told(
+    folder: Path, tdint: Command, period: float, force: float, more: str, rest: str, told: str
+) -> None:
     """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not of an isolator."""
-    law = "{{type: bilinear, yield_force: {0}, hardening: 0.02}}"
-    story = f"stories: [{{{{mass: 1e5, height: 3, stiffness: 1e8, law: {law}{{1}}}}}}]\n"
-    period = 2.0 * 3.141592653589793 * (1e5 / 1e8) ** 0.5
-    for name, force, more, steps, told in (
-        ("usual", 1e5, "", 11.0, None),
-        ("long", 1e5, "", 5.0, "5 steps in the fundamental period, usual: at least 10"),
-        ("weak", 2e4, "", 11.0, "base shear at yield over the weight 0.0204, usual: 0.03 to 3"),
-        ("bearing", 2e4, ", isolator: true", 11.0, None),
-    ):
-        text = story.format(force, more) + f"analysis: {{dt: {period / steps}}}\n"
-        (folder / f"{name}.yaml").write_text(text)
-        said = tdint("check", f"{name}.yaml", code=0).stderr
-        assert (told in said) if told else ("steps in" not in said and "base shear" not in said), said
-    # On the record's own samples the motion is straight, and the default needs fewer.
-    for steps, is_told in ((8.0, False), (6.0, True)):
-        of_story = f"{{mass: 1e5, height: 3, stiffness: {1e5 * (2.0 * 3.141592653589793 / (0.01 * steps)) ** 2}}}"
-        record = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}"
-        (folder / "low.yaml").write_text(f"stories: [{of_story}]\n{record}\n")
-        assert ("steps in the fundamental period" in tdint("check", "low.yaml", code=0).stderr) == is_told
+    law = f"{{type: bilinear, yield_force: {force}, hardening: 0.02}}{more}"
+    stiffness = 1e5 * (2.0 * np.pi / period) ** 2
+    story = f"stories: [{{mass: 1e5, height: 3, stiffness: {stiffness}, law: {law}}}]"
+    (folder / "of.yaml").write_text(f"{story}\n{rest}\n")
+    said = tdint("check", "of.yaml", code=0).stderr
+    assert told in said and bool(told) == ("steps in" in said or "base shear" in said)
 
 
 def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
@@ -150,16 +153,11 @@ def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
         "  - {repeat: 2, mass: 1, stiffness: 1000, law: {type: tanh, strength: 1}}\n"
     )
     done = tdint("check", "bad.yaml", "forced.yaml", "weak.yaml", "shaken.yaml", "two.yaml", code=3)
-    expected = [
-        "bad.yaml:1:1: storeys: unknown key; did you mean 'stories'?",
-        "bad.yaml:1:18: storeys[1].mass: must be a positive number, got '-1'",
-        "bad.yaml:2:20: analysis.method: unknown method 'newmrk'; did you mean 'newmark'? ",
-        "bad.yaml:3:29: excitation.record.file: there is no file motoin.mseed",
-        "weak.yaml: story 1: P-delta exceeds the initial stiffness, 9.807 beside 1 N/m; the building cannot stand",
-    ]
     errors = [line for line in done.stderr.splitlines() if not line.startswith("Warning: ")]  # floors of 10 kg
-    for line, words in zip(errors, expected, strict=True):
-        assert line.startswith(f"Error: {words}")
+    assert [line.split(": ", 3)[1:3] for line in errors] == [
+        ["bad.yaml:1:1", "storeys"], ["bad.yaml:1:18", "storeys[1].mass"], ["bad.yaml:2:20", "analysis.method"],
+        ["bad.yaml:3:29", "excitation.record.file"], ["weak.yaml", "story 1"],
+    ]  # fmt: skip
     forced, shaken, two = rows(done.stdout)
     assert (forced["model"], forced["laws"], forced["mass_kg"], forced["record"]) == ("forced.yaml", "linear", "18", "")
     assert (shaken["laws"], shaken["mass_kg"], shaken["record"]) == ("bilinear", "20", "motion.mseed")
@@ -218,4 +216,3 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
 )
 def test_a_name_or_a_period_that_no_model_has(here: Path, tdint: Command, words: list[str], message: str) -> None:
     tdint.refused(message, "init", *words)
-    assert list(here.iterdir()) == []

@@ -6,6 +6,7 @@ import pickle
 import pydoc
 import subprocess
 import sys
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ records: {files: [motion.mseed], units: m/s^2}
 intensity: {scales: [0.5, 1.0]}
 analysis: {method: newmark-average}
 """
-MOTION = ("--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
+RECORD = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
 
 
 @pytest.fixture
@@ -49,21 +50,30 @@ def same(result, printed):
             assert [cell_text(value) for value in values] == list(cells), name
         else:
             expected = [float(cell) if cell else np.nan for cell in cells]
-            np.testing.assert_allclose(values, expected, rtol=1e-11, atol=1e-300, err_msg=name)
+            np.testing.assert_allclose(np.asarray(values, float), expected, rtol=1e-11, atol=1e-300, err_msg=name)
 
 
 CASES = {
     "campaign": (("campaign", "campaign.yaml", "-o", "out"), lambda: package.campaign("campaign.yaml", jobs=1)),
     "check": (("check", "shaken.yaml"), lambda: package.check("shaken.yaml")),
+    "drift-spectrum": (
+        ("drift-spectrum", *RECORD, "--periods", "0.2:10:20"),
+        lambda: package.drift_spectrum(motion(), np.geomspace(0.2, 10.0, 20)),
+    ),
     "failures": (
         ("failures", "--method", "impulse4,newmark-average", "--problem", "large-step"),
         lambda: package.failures(["impulse4", "newmark-average"], ["large-step"]),
     ),
     "fragility": (("fragility", "stripes.csv"), lambda: package.fragility("stripes.csv")),
-    "info": (("info", "motion.mseed", "--component", "HNE", "--units", "m/s^2"), lambda: package.record_info(motion())),
+    "fourier": (("spectrum", *RECORD, "--fourier"), lambda: package.fourier_spectrum(motion())),
+    "info": (("info", *RECORD), lambda: package.record_info(motion())),
     "inventory": (("inventory", "buildings.csv", "--units", "m"), lambda: package.inventory("buildings.csv")),
     "methods": (("methods",), lambda: package.methods()),
     "modes": (("modes", "shaken.yaml"), lambda: package.modes(package.load_model("shaken.yaml"))),
+    "modes --target": (
+        ("modes", "shaken.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8"),
+        lambda: package.modal_response("shaken.yaml", "asce7:sds=0.4,sd1=0.3,tl=8"),
+    ),
     "order": (
         ("order", "--method", "hht", "--frequency-ratio", "0.5"),
         lambda: package.order("hht", frequency_ratio=0.5),
@@ -72,13 +82,33 @@ CASES = {
         ("overshoot", "--method", "wilson", "--steps", "3"),
         lambda: [package.overshoot("wilson", start, steps=3) for start in ("displacement", "velocity")],
     ),
+    "pushover": (("pushover", "shaken.yaml", "--drift", "2%"), lambda: package.pushover("shaken.yaml", "2%")),
+    "pushover --target": (
+        ("pushover", "shaken.yaml", "--drift", "4%", "--target", "ec8:type=1,soil=C,ag=0.05g"),
+        lambda: package.target_displacements(package.pushover("shaken.yaml", "4%"), "ec8:type=1,soil=C,ag=0.05g"),
+    ),
     "scale": (
-        ("scale", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "--sa", "2m/s^2", "--at", "0.5"),
+        ("scale", *RECORD, "--sa", "2m/s^2", "--at", "0.5"),
         lambda: package.scale([motion()], "sa(0.5)", 2.0),
     ),
     "sensitivity": (
-        ("sensitivity", "shaken.yaml", *MOTION[1:], "--vary", "damping=2%:5%,mass_factor=0.9:1.1"),
+        ("sensitivity", "shaken.yaml", *RECORD, "--vary", "damping=2%:5%,mass_factor=0.9:1.1"),
         lambda: package.sensitivity("shaken.yaml", motion(), {"damping": (0.02, 0.05), "mass_factor": (0.9, 1.1)}),
+    ),
+    "spectrum": (("spectrum", *RECORD, "--period", "0.2,1"), lambda: package.spectrum(motion(), [0.2, 1.0])),
+    "spectrum --ductility": (
+        ("spectrum", *RECORD, "--period", "0.2,1", "--ductility", "3", "--hardening", "0.1"),
+        lambda: package.constant_ductility(motion(), [0.2, 1.0], [3.0], hardening=0.1),
+    ),
+    "spectrum --rotd": (
+        ("spectrum", "motion.mseed", "--units", "m/s^2", "--rotd", "0,50,100", "--period", "0.2,1"),
+        lambda: package.rotated_spectrum(
+            package.read_horizontals("motion.mseed", units="m/s^2"), [0.2, 1.0], percentiles=[0, 50, 100]
+        ),
+    ),
+    "stability": (
+        ("stability", "--method", "newmark-average", "--damping", "0,0.05", "--dt-over-t", "0.1:10:3"),
+        lambda: [package.stability("newmark-average", np.geomspace(0.1, 10.0, 3), damping=xi) for xi in (0.0, 0.05)],
     ),
     "validate": (("validate",), package.validate),
 }
@@ -96,6 +126,28 @@ def test_functions_give_what_commands_print(name, study, tdint):
     same(package.to_dict(again), text)
 
 
+@pytest.mark.parametrize(
+    ("name", "pairs"),
+    [
+        ("spectrum", "period_s=periods sd_m=sd psv_m_s=psv psa_m_s2=psa sv_m_s=sv sa_m_s2=sa"),
+        ("spectrum --ductility", "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration residual_m=residual"),
+        ("spectrum --ductility", "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor"),
+        ("drift-spectrum", "height_m=heights peak_drift_ratio=peak_drift_ratio roof_drift_ratio=roof_drift_ratio"),
+        ("fourier", "frequency_hz=frequencies fourier_amplitude_m_s=amplitude"),
+        ("info", "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd mean_m_s2=measures.mean"),
+        ("info", "arias_intensity_m_s=measures.arias cav_m_s=measures.cav d5_75_s=measures.d5_75"),
+        ("modes --target", "shear_cqc_N=shear_cqc"),
+        ("pushover --target", "drift_m=drift"),
+    ],
+)
+def test_a_column_has_what_it_is_called_by(name, pairs, study):
+    result = CASES[name][1]()
+    first = result[0] if hasattr(result, "__getitem__") else result
+    for column, attribute in (pair.split("=") for pair in pairs.split()):
+        values = np.atleast_1d(attrgetter(attribute)(first))
+        np.testing.assert_array_equal(package.to_dict(result)[column][: values.size], values)
+
+
 def test_the_examples_and_the_chart(study, tdint):
     """Ranks and times are of a whole table, and of a clock."""
     examples = package.to_dict(package.paper_examples([1], ["newmark-linear", "wilson"]))
@@ -103,7 +155,7 @@ def test_the_examples_and_the_chart(study, tdint):
     methods = ["impulse4", "newmark-average"]
     chart = package.chart("shaken.yaml", motion(), method=methods, dt=[0.01], repeats=1).to_dict()
     words = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
-    table = rows(tdint("chart", "shaken.yaml", *MOTION, *words).stdout)
+    table = rows(tdint("chart", "shaken.yaml", "--record", *RECORD, *words).stdout)
     assert [row["method"] for row in table] == chart["method"]
     np.testing.assert_allclose([float(row["drift_error"]) for row in table], chart["drift_error"], rtol=1e-11)
 

@@ -6,19 +6,14 @@ from pathlib import Path
 import pytest
 
 from csv_rows import rows
-from tdint import modal_response, pushover, target_displacements
+from tdint import pushover, target_displacements
 
-COLUMNS = (
-    "id,design_level,hazus_type,period_rule_s,period_shear_beam_s,damping_ratio,story,mass_kg,height_m,stiffness_N_m,"
-    "yield_force_N,ultimate_force_N,yield_drift_m,ultimate_drift_m,pinching,unloading_exponent"
-)
 CONFIGS = Path(__file__).parents[2] / "configs"
 BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\nbad,0,1990,C9,600\n"
 
 
 def test_a_table_of_buildings_and_their_models(folder, tdint):
     result = tdint("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models", code=0)
-    assert result.stdout.splitlines()[0] == COLUMNS
     table = rows(result.stdout)
     assert [row["story"] for row in table if row["id"] == "town-hall"] == ["1", "2", "3"]
     assert {row["id"]: row["hazus_type"] for row in table}["tower"] == "S1H"
@@ -55,9 +50,7 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
 def test_what_is_refused(folder, tdint, arguments, code, message):
     (folder / "b.csv").write_text(BAD)
     (folder / "odd.csv").write_text(BAD.replace("good", "../up"))
-    before = sorted(folder.iterdir())
     tdint.refused(message, "inventory", *arguments, code=code)
-    assert sorted(folder.iterdir()) == before
 
 
 def test_a_pushover(folder, tdint, drawn):
@@ -65,31 +58,18 @@ def test_a_pushover(folder, tdint, drawn):
     words = ("--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv", "--plot=x.pdf")
     result = tdint("pushover", "shaken.yaml", *words, code=0)
     table = rows(folder / "p.csv")
-    assert ",".join(table[0]) == (
-        "step,roof_displacement_m,roof_drift_ratio,base_shear_N,story_1_drift_m,story_2_drift_m"
-    )
     assert [float(row["roof_displacement_m"]) for row in table] == pytest.approx([0.075 * i / 8 for i in range(9)])
-    first, last = table[1], table[-1]
-    assert float(first["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
-    assert float(first["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
-    # The lower story has 50 + 800 (d - dy), the upper one half of that, elastic still
-    shear = (0.075 + 50.0 / 800.0 - 50.0 / 8000.0) / (1.0 / 800.0 + 0.5 / 8000.0)
-    assert float(last["base_shear_N"]) == pytest.approx(shear, rel=1e-9)
+    assert float(table[1]["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
+    assert float(table[1]["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
     assert result.stderr.startswith("shaken, uniform pattern: largest base shear ")
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
-    """A row per method and story with its drift; what is the building's stands once in a sentence and in the JSON."""
+    """What is the building's stands once in a sentence and in the JSON; the rows of each method: test_interface.py."""
     target = "ec8:type=1,soil=C,ag=0.05g"
     result = tdint("pushover", "shaken.yaml", "--target", target, "--points", 50, "--plot=t.png", "-o", "t.csv", code=0)
-    table = rows((folder / "t.csv").read_text())
     made = target_displacements(pushover("shaken.yaml", "4%", points=50), target)
-    assert [(row["method"], row["story"]) for row in table] == [
-        (method, story) for method in ("n2", "coefficients") for story in ("1", "2")
-    ]
-    assert list(table[0]) == ["method", "story", "drift_m", "drift_ratio", "ductility"]
-    assert [float(row["drift_m"]) for row in table[:2]] == pytest.approx(made[0].drift, rel=1e-11)
     of_building = json.loads((folder / "t.json").read_text())["targets"]
     assert [told["yield_force_N"] for told in of_building] == pytest.approx([each.yield_force for each in made])
     roofs = [told["roof_displacement_m"] for told in of_building]
@@ -100,9 +80,8 @@ def test_a_pushover_to_a_design_spectrum(folder, tdint):
 
 def test_a_target_beyond_the_curve_is_refused(folder, tdint):
     arguments = ("--target", "ec8:type=1,soil=C,ag=0.9g", "--points", "20", "-o", "t.csv")
-    result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", *arguments, code=5)
-    assert "the curve ends there: the building carries nothing any more" in result.stderr
-    assert not (folder / "t.csv").exists()
+    said = "the curve ends there: the building carries nothing any more"
+    tdint.refused(said, "pushover", CONFIGS / "collapse-prone-frame.yaml", *arguments, code=5)
 
 
 @pytest.mark.parametrize(
@@ -127,10 +106,8 @@ def test_of_many_faults_the_first_ten_and_their_number_are_shown(folder, tdint):
 
 
 def test_modes_under_a_design_spectrum(folder, tdint):
-    """The rows of Python."""
+    """The rows: test_interface.py."""
     arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")
     result = tdint(*arguments, "--plot=m.png", code=0)
-    made = modal_response(CONFIGS / "ten-story.yaml", arguments[-1])
-    assert [float(row["shear_cqc_N"]) for row in rows(result.stdout)] == pytest.approx(made.shear_cqc, rel=1e-11)
     assert "All modes are in it: no mass is missing." in result.stderr
     assert (folder / "m.png").exists()

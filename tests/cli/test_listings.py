@@ -9,15 +9,12 @@ from tdint.methods.catalogue import catalogue
 def test_methods(tdint):
     result = tdint("methods", code=0)
     assert result.stderr == ""
-    assert result.stdout.splitlines()[0] == "name,family,parameters,order,implicit,stability_limit,rho_inf,source"
     assert [row["name"] for row in rows(result.stdout)] == list(catalogue())
 
 
 def test_modes(folder, tdint):
     result = tdint("modes", "-", stdin=(folder / "shaken.yaml").read_bytes(), code=0)
     assert result.stderr == ""
-    columns = "mode,period_s,frequency_hz,damping,participation,mass_ratio,cumulative_mass_ratio"
-    assert result.stdout.splitlines()[0] == columns
     table = rows(result.stdout)
     assert [row["mode"] for row in table] == ["1", "2"]
     assert [float(row["damping"]) for row in table] == pytest.approx([0.05, 0.05])

@@ -7,7 +7,7 @@ import click
 import pytest
 
 import tdint as library
-from tdint_cli.main import COMMANDS, cli
+from tdint_cli.main import COMMANDS, GROUPS, cli
 
 HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resources")
 
@@ -44,7 +44,8 @@ def test_help_lists_all_commands_in_order(tdint, arguments):
     result = tdint(*arguments)
     assert result.exit_code == 0 or not arguments  # without words it is a usage error since click 8.2
     said = result.stdout + result.stderr
-    assert "Buildings:" in said and all(name in said for name in COMMANDS)
+    places = [said.index(f"\n{heading}:\n") for heading in GROUPS]
+    assert places == sorted(places) and all(name in said for name in COMMANDS)
     context = click.Context(cli)
     assert cli.list_commands(context) == list(COMMANDS)
     assert cli.get_command(context, "unknown") is None

@@ -1,13 +1,12 @@
 """What maps need: columns of an inventory in the tables of its campaign, GeoJSON, Parquet."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from cli.conftest import Command
+from cli.conftest import Command, check_parquet
 from csv_rows import rows
 
 CAMPAIGN = """\
@@ -151,18 +150,10 @@ def test_a_map_goes_with_its_places(tdint: Command) -> None:
 @pytest.mark.usefixtures("mapped")
 def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
     """Runs and stories; columns of the inventory are numbers where all their cells are."""
-    parquet = pytest.importorskip("pyarrow.parquet")
+    pytest.importorskip("pyarrow")
     tdint("campaign", "export", "out", code=0)
-    for name in ("runs", "stories"):
-        found, table = parquet.read_table(f"out/{name}.parquet"), rows(f"out/{name}.csv")
-        assert found.column_names == list(table[0]) and found.num_rows == len(table)
-        for given, told in zip(found.to_pylist(), table, strict=True):
-            for column, value in given.items():
-                if value is None or isinstance(value, str):
-                    assert (value or "") == told[column]
-                else:
-                    assert math.isclose(value, float(told[column]), rel_tol=1e-11)
-    kinds = {field.name: str(field.type) for field in parquet.read_schema("out/runs.parquet")}
+    _, found = (check_parquet(f"out/{name}.parquet", rows(f"out/{name}.csv")) for name in ("stories", "runs"))
+    kinds = {field.name: str(field.type) for field in found.schema}
     assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == ("double", "string", "int64", "string")
 
 
@@ -179,6 +170,4 @@ def test_damage_has_them_too(region: Path, tdint: Command) -> None:
         for name in ("probability_none", "probability_slight", "probability_collapsed", "loss_ratio"):
             mean = sum(float(row[name]) for row in pair) / 2
             assert properties[name] == pytest.approx(mean, rel=1e-10, abs=1e-12)
-    parquet = pytest.importorskip("pyarrow.parquet")
-    found = parquet.read_table("out/damage.parquet")
-    assert found.column_names == list(table[0]) and found.num_rows == len(table)
+    check_parquet("out/damage.parquet", table)

@@ -1,102 +1,13 @@
-"""Beside each table that -o writes lies a JSON file that says what it came from."""
+"""What the JSON file beside a table says of its options and of the sources (that each has one: test_files.py)."""
 
 import hashlib
 import json
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import tdint
 from tdint.system import __version__, version_of_sources
-from tdint_cli.main import COMMANDS
-
-INVENTORY = """\
-id,NumberOfStories,YearBuilt,OccupancyClass,PlanArea,StructureType,Latitude,Longitude
-1,3,1990,COM1,1000,C1,37,-122
-"""
-CASES = {
-    "modes": (["forced.yaml"], ["forced.yaml"]),
-    "law": (["shaken.yaml", "--drift", "1%"], ["shaken.yaml"]),
-    "pushover": (["shaken.yaml", "--drift", "1%", "--points", "5"], ["shaken.yaml"]),
-    "inventory": (["buildings.csv", "--units", "m"], ["buildings.csv"]),
-    "info": (["motion.mseed", "--units", "m/s^2"], ["motion.mseed"]),
-    "spectrum": (["motion.mseed", "--units", "m/s^2", "--period", "1"], ["motion.mseed"]),
-    "drift-spectrum": (["motion.mseed", "--units", "m/s^2", "--period", "1"], ["motion.mseed"]),
-    "scale": (
-        ["motion.mseed", "--units", "m/s^2", "--target", "target.csv", "--range", "0.5:1"],
-        ["motion.mseed", "target.csv"],
-    ),
-    "fragility": (["stripes.csv"], ["stripes.csv"]),
-    "sensitivity": (
-        ["shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNE", "--vary", "damping=0.02:0.08"],
-        ["motion.mseed", "shaken.yaml"],
-    ),
-    "stability": (["--method", "hht", "--dt-over-t", "0.1:1:3"], []),
-    "overshoot": (["--method", "hht", "--steps", "3"], []),
-    "order": (["--method", "newmark-average", "--load", "record"], []),
-    "failures": (["--method", "newmark-average", "--problem", "large-step"], []),
-    "chart": (["forced.yaml", "--method", "newmark-average", "--dt", "0.02", "--repeat", "1"], ["forced.yaml"]),
-}
-"""Of each command that writes a table to -o a command line and the files that it reads."""
-APART = {
-    "validate": "as `modes`, but long",
-    "init": "writes a model",
-    "check": "writes none",
-    "methods": "writes none",
-    "rerun": "writes what another one does",
-    "compile": "writes objects",
-    **dict.fromkeys(("run", "compare", "campaign", "ida", "match"), "JSON in the folder"),
-    "examples": "several tables",
-}
-
-
-@pytest.fixture
-def read(folder):
-    """The folder with what the command lines read."""
-    (folder / "buildings.csv").write_text(INVENTORY)
-    (folder / "target.csv").write_text("period_s,sa_g\n0.1,0.5\n1,0.5\n3,0.2\n")
-    (folder / "stripes.csv").write_text("im,collapses,records\n0.5,1,20\n1,8,20\n2,19,20\n")
-    return folder
-
-
-def test_all_commands_are_here():
-    assert set(CASES) | set(APART) == set(COMMANDS)
-    for name in CASES:
-        command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
-        assert any("--output" in option.opts for option in command.params)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_what_a_table_came_from(read, tdint, name):
-    """The files that were read with their SHA-256, the options, what each column means, versions and sources; the call
-    again writes the same bytes, and `rerun` leaves them and finds the same cells."""
-    words, inputs = CASES[name]
-    tdint(name, *words, "-o", "table.csv", code=0)
-    about = json.loads((read / "table.json").read_text())
-    assert (about["schema"]["name"], about["command"]) == (f"tdint {name}", name)
-    assert about["inputs"] == [
-        {"file": file, "sha256": hashlib.sha256((read / file).read_bytes()).hexdigest()} for file in inputs
-    ]
-    header = (read / "table.csv").read_text().partition("\n")[0].split(",")
-    assert set(header) <= set(about["columns"])
-    assert about["versions"]["sources"] == version_of_sources()[1]
-    assert name == "chart" or about["settings"]
-    assert about["arguments"] == [name, *words, "-o", "table.csv"]
-    before = {file: file.read_bytes() for file in read.iterdir()}
-    again = tdint("rerun", "table.json", code=0)
-    assert again.stdout == "" and "table.csv: the same, cell by cell" in again.stderr
-    if name in ("modes", "law", "inventory", "fragility", "order", "scale"):  # what takes little time
-        (read / "table.csv").unlink()
-        (read / "table.json").unlink()
-        tdint(name, *words, "-o", "table.csv", code=0)
-    assert {file: file.read_bytes() for file in read.iterdir()} == before
-
-
-def test_to_standard_output_there_is_no_file(folder, tdint):
-    before = sorted(folder.iterdir())
-    tdint("modes", "forced.yaml", code=0)
-    assert sorted(folder.iterdir()) == before
 
 
 def test_options_and_units_are_told(folder, tdint):

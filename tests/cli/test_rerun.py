@@ -4,25 +4,16 @@ import gzip
 import hashlib
 import json
 import os
+from pathlib import Path
 
 import pytest
 
-from cli.conftest import change
+from cli.conftest import STUDY, change
 from tdint.errors import OutputError
 from tdint.output.tables.table import Difference, differences
 
-STORY = ["run", "shaken.yaml", "-o", "out"]
-RECORDED = """\
-base: {file: motion.mseed, component: HNE, units: m/s^2}
-floors:
-  2: {file: recorded/floors.mseed, component: F02, units: m/s^2}
-"""
-CAMPAIGN = """\
-buildings: {models: [shaken.yaml]}
-records: {files: [motion.mseed, other.mseed], component: HNE, units: m/s^2}
-intensity: {scales: [0.5, 1.0]}
-outputs: {stories: true}
-"""
+ONE_RUN = ["run", "shaken.yaml", "-o", "out"]
+CAMPAIGN = STUDY.replace("units:", "component: HNE, units:") + "outputs: {stories: true}\n"
 UNITS = ["--units", "m/s^2", "--component", "HNE"]
 
 
@@ -46,50 +37,27 @@ def rerun(folder, tdint):
     return run
 
 
-CASES = {
-    "run": (["shaken.yaml"], "stories.csv"),
-    "run of one with files of all kinds": (
-        ["shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf", "--report", "page.html", "--check"],
-        "motion.csv.gz",
-    ),
-    "run of several": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--plot"], "profiles.csv"),
-    "run of a sequence": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"], "stories.csv"),
-    "compare": (["shaken.yaml", "--recorded", "recorded.yaml"], "comparison.csv"),
-    "ida": (["shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--max-im", "2g"], "capacities.csv"),
-    "campaign": (["campaign.yaml", "--im", "pga"], "measures.csv"),
-    "examples": (["1", "--method", "newmark-average"], "example-1-errors.csv"),
-    "spectrum": (["motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"], "other.csv"),
-}
-"""Of commands that write folders, beside those of test_provenance.py."""
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, name):
-    """All its tables, those that were named beside it, too, and from another working directory."""
-    words, table = CASES[name]
-    (folder / "campaign.yaml").write_text(CAMPAIGN)
-    if name == "compare":
-        (folder / "recorded.yaml").write_text(RECORDED)
-        tdint("run", "shaken.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
-    end = "/" * (name == "spectrum")
-    tdint(name.split()[0], *words, "-o", f"some/study{end}", code=0)
-    study = folder / "some" / "study"
-    told = next(file for file in sorted(study.glob("*.json")) if "arguments" in json.loads(file.read_text()))
-    assert str(folder) not in told.read_text()  # no path but those that were typed
-    os.chdir(study)
-    again = rerun(told.name, code=0)
-    assert again.stdout == ""
-    assert f"{table}: the same, cell by cell" in again.stderr and "difference" not in again.stderr
-
-
-@pytest.mark.slow
-def test_validate_too(tdint, rerun):
-    tdint("validate", "-o", "cases.csv", code=0)
-    rerun("cases.json", code=0)
+@pytest.mark.parametrize(
+    ("words", "table"),
+    [
+        (
+            ("run", "shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf", "--report", "page.html"),
+            "motion.csv.gz",
+        ),
+        (("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"), "stories.csv"),
+        (("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"), "other.csv"),
+    ],
+    ids=["files of all kinds", "sequence", "spectra"],
+)
+def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, words, table):
+    """All its tables, those that were named beside it, too. A call of each command: test_files.py."""
+    tdint(*words, "-o", "some/study/", code=0)
+    told = next(file for file in sorted(Path("some/study").glob("*.json")))
+    assert f"{table}: the same, cell by cell" in rerun(told, code=0).stderr
 
 
 def test_cells_that_differ_are_a_table(folder, tdint, rerun):
-    tdint(*STORY, code=0)
+    tdint(*ONE_RUN, code=0)
     file = folder / "out" / "stories.csv"
     cells = [line.split(",") for line in file.read_text().splitlines()]
     cells[2][2] = repr(2.0 * float(cells[2][2]))
@@ -116,7 +84,7 @@ def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed
     plugin = () if changed != "of_a_run.py" else ("--plugin", changed)  # one version is executed in a process
     if plugin:
         (folder / changed).write_text("METHODS = ()\n")
-    tdint(*STORY, *plugin, code=0)
+    tdint(*ONE_RUN, *plugin, code=0)
     if changed == "motion.mseed":
         make_record(folder / changed, "HNE", "HNN", peak=2.0)
     else:
@@ -253,14 +221,14 @@ def test_nothing_compared_is_no_yes(folder, tdint, rerun):
 def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
     """A plug-in that was read then needs --trust; one that was not is looked at by nobody."""
     (folder / "trusted.py").write_text("METHODS = ()\n")
-    tdint(*STORY, "--plugin", "trusted.py", code=0)
+    tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
     refused = rerun("out", code=2).stderr
     assert hashlib.sha256(b"METHODS = ()\n").hexdigest() in refused and "--trust" in refused
     rerun("out", "--trust", code=0)
     (folder / "evil.py").write_text("open('executed', 'w')\n")
     told = json.loads((folder / "out/summary.json").read_text())
     for word in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
-        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*STORY, *word]}))
+        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*ONE_RUN, *word]}))
         assert "evil.py: was not read then" in rerun("out", "--trust", code=2).stderr
         assert "--trust" in rerun("out", "--changed", code=2).stderr
     assert not (folder / "executed").exists()

@@ -1,10 +1,8 @@
 """Pipes, full disks, closed streams and Ctrl-C, with the command as a process of its own."""
 
 import io
-import signal
 import subprocess
 import sys
-import time
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +14,6 @@ from tdint.errors import OutputError
 from tdint_cli import terminal
 from tdint_cli.terminal import Settings, progress_bar
 
-START = "import sys\nfrom tdint_cli.main import main\nprint('ready', file=sys.stderr, flush=True)\nmain()"
 TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
 
 
@@ -57,19 +54,6 @@ def test_output_is_bytes_of_utf8_in_any_locale(folder):
     assert done.stdout.splitlines()[1].startswith("Köln.yaml,")
 
 
-def test_ctrl_c_while_waiting_ends_with_130_and_no_file(folder):
-    process = subprocess.Popen(
-        [sys.executable, "-c", START, "modes", "-", "-o", "all.csv"],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert process.stderr is not None and process.stderr.readline() == "ready\n"
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
-    assert (process.returncode, out, err.strip()) == (130, "", "Interrupted")
-    assert not list(folder.glob("all*")) and not list(folder.glob(".tdint*"))
-
-
 class _Trickle(io.RawIOBase):
     """Takes a few bytes at a time, and no more than `limit`."""
 
@@ -91,37 +75,6 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
         with pytest.raises(OutputError, match="cannot be written") if stream is full else nullcontext():
             terminal.emit(data)
     assert whole.taken == data
-
-
-HALF = """
-import sys, time
-from tdint.output.tables import responses
-
-def write_half(history, stream, units, header):
-    stream.write(b"time_s")
-    stream.flush()
-    print("half", file=sys.stderr, flush=True)
-    time.sleep(60)
-
-responses.write_history = write_half
-from tdint_cli.main import main
-main()
-"""
-
-
-def test_sigterm_while_writing_ends_with_143_and_no_file(folder):
-    command = [sys.executable, "-c", HALF, "run", "forced.yaml", "--history", "-o", "new/out"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
-    before = sorted(folder.iterdir())
-    while process.stderr.readline() not in ("half\n", ""):
-        pass
-    assert list((folder / "new" / "out").glob(".tdint*"))
-    process.terminate()
-    process.terminate()  # Asking twice changes nothing.
-    _, err = process.communicate(timeout=30)
-    assert (process.returncode, err.strip()) == (143, "Terminated")
-    assert sorted(folder.iterdir()) == before
 
 
 class Screen(io.StringIO):

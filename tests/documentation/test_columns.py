@@ -83,33 +83,26 @@ def printed(line, *output):
 def folder(tmp_path_factory):
     """What the command lines read."""
     tmp_path = tmp_path_factory.mktemp("tables")
-    motion = f"{{file: {readmes.ROOT / 'records' / 'firm-soil.mseed'}, component: HN1}}"
-    (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
-    (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
-    (tmp_path / "other.yaml").write_text("{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}")
-    (tmp_path / "classes.csv").write_text("class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n")
-    (tmp_path / "of-classes.csv").write_text("id,class,NumberOfStories\none,A,2\n")
-    (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
-    (tmp_path / "campaign.yaml").write_text(
-        f"buildings: {{models: [frame.yaml, other.yaml]}}\n"
-        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
-        "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
-    )
-    (tmp_path / "damage.yaml").write_text(
-        f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n"
-        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}], component: HN1}}\n"
+    record = readmes.ROOT / "records" / "firm-soil.mseed"
+    motion, one_component = f"{{file: {record}, component: HN1}}", f"records: {{files: [{record}], component: HN1}}\n"
+    frames = "buildings: {models: [frame.yaml, other.yaml]}\n"
+    for name, text in {
+        "recorded.yaml": f"base: {motion}\nfloors: {{1: {motion}}}\n",
+        "frame.yaml": "{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}",
+        "other.yaml": "{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}",
+        "classes.csv": "class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n",
+        "of-classes.csv": "id,class,NumberOfStories\none,A,2\n",
+        "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",
+        "campaign.yaml": f"{frames}{one_component}analysis: {{method: newmark-average}}\noutputs: {{stories: true}}\n",
+        "damage.yaml": f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n{one_component}"
         "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  dispersion: 0\n"
-        "  losses: {slight: 0, moderate: 0, extensive: 0, complete: 1}\n"
-    )
-    (tmp_path / "sequences.yaml").write_text(
-        "buildings: {models: [frame.yaml]}\nrecords: {sequences: pairs.csv, component: HN1}\n"
-    )
-    shock = f"twice,{readmes.ROOT / 'records' / 'firm-soil.mseed'}"
-    (tmp_path / "pairs.csv").write_text(f"sequence,record\n{shock}\n{shock}\n")
-    (tmp_path / "runs.csv").write_text(
-        "building,status,scale,peak_drift_ratio,sa_t1_m_s2,pga_m_s2\n"
-        "one,done,1,0.01,1,1\none,done,2,0.02,2,3\none,done,1,0.01,1,1.5\n"
-    )
+        "  losses: {slight: 0, moderate: 0, extensive: 0, complete: 1}\n",
+        "sequences.yaml": f"{frames}records: {{sequences: pairs.csv, component: HN1}}\n",
+        "pairs.csv": f"sequence,record\ntwice,{record}\ntwice,{record}\n",
+        "runs.csv": "building,status,scale,peak_drift_ratio,sa_t1_m_s2,pga_m_s2\n"
+        "one,done,1,0.01,1,1\none,done,2,0.02,2,3\none,done,1,0.01,1,1.5\n",
+    }.items():
+        (tmp_path / name).write_text(text)
     return tmp_path
 
 

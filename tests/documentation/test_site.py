@@ -1,6 +1,5 @@
 """The site: its pages are there, its links lead somewhere, its search knows them."""
 
-import importlib.util
 import json
 import os
 import re
@@ -24,10 +23,7 @@ STRANGERS = {"https://zensical.org/"}
 @pytest.fixture(scope="module")
 def maker():
     """The program that makes the site."""
-    specification = importlib.util.spec_from_file_location("make_site", readmes.ROOT / ".github" / "make_site.py")
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return readmes.program("make_site")
 
 
 @pytest.fixture(scope="module")
