@@ -19,7 +19,7 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, shown_when_asked, write_options
+from tdint_cli.options.grammar import HelpAsData, general, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
 GROUPS = {
@@ -109,7 +109,7 @@ class LazyGroup(HelpAsData, click.Group):
                 formatter.write_dl([(name.ljust(width), sentence) for name, (_, sentence) in commands.items()])
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        write_options(self.get_params(ctx), ctx, formatter)
+        super().format_options(ctx, formatter)
         self.format_commands(ctx, formatter)
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]

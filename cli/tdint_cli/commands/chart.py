@@ -16,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import FileName, Mode, Number, Ratio, refuse_idle
+from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, Number, Ratio, refuse_idle
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
@@ -55,16 +55,13 @@ class Request(options.record.RecordRequest):
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1, type=FileName())
     records: tuple[str, ...] = options.option(
         "--record",
-        common=True,
         heading=options.grammar.RECORD,
         type=FileName(),
         multiple=True,
-        metavar="FILE",
         help="Ground motion in place of the model's; nothing that the model says of its own applies to it. Several: "
         "each building under each of them.",
     )
     problems: str | None = options.option(
-        common=True,
         type=FileName(),
         metavar="standard|FILE",
         help="In place of models many problems: the standard ones, twelve buildings under three records each, or those "
@@ -73,68 +70,52 @@ class Request(options.record.RecordRequest):
     methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
         "--dt",
-        type=Number(0.0, MOST_SECONDS, min_open=True),
-        many=True,
+        type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
         metavar="SECONDS,...",
-        common=True,
         help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
         "model's dt.",
     )
     halvings: int | None = options.analysis.option(
-        type=click.IntRange(0, 16),
-        metavar="COUNT",
-        common=True,
+        type=Count(0, 16),
         help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps "
         "between; fewer times for very large buildings.",
     )
     stories: tuple[int, ...] | None = options.analysis.option(
-        type=click.IntRange(1, MOST_STORIES),
-        many=True,
+        type=ListOf(click.IntRange(1, MOST_STORIES)),
         metavar="COUNT,...",
-        common=True,
         help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
         "step unless --dt or --halvings is given.",
     )
     duration: float | None = options.analysis.duration
     peers: bool = options.option(
-        is_flag=True,
-        common=True,
-        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes."
     )
-    repeat: int = options.option(
-        type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
-    )
+    repeat: int = options.option(type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default.")
     tolerances: tuple[float, ...] | None = options.analysis.option(
         "--tolerance",
-        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
-        many=True,
-        metavar="RATIO,...",
-        common=True,
+        type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
         help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps that `tdint run "
         "--tolerance` chooses for these errors of the peak drifts.",
     )
     target: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
-        common=True,
         help="The error that is drawn and, for one building, for which methods are recommended; peak-drift by default.",
     )
     versus: str = options.option(
         needs="--plot",
         type=click.Choice(["time", "steps", "solves", "dt"]),
         default="time",
-        common=True,
         help="Draw time (default), steps or solves over error, or error over dt.",
     )
     highlight: str = options.option(
         needs="--plot",
         default="",
-        common=True,
         metavar="NAME",
         help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
     )
     cache: bool = options.option(
-        "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
+        "--cache/--no-cache", default=True, rare=True, help="Keep the reference for the next time (default) or not."
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:

@@ -40,7 +40,6 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     flag_value="model",
     type=click.Choice(["model", "campaign"]),
     metavar="[model|campaign]",
-    common=True,
     help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
     "complete a file with it.",
 )

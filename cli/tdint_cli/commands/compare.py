@@ -16,7 +16,7 @@ from tdint.output import figures
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Written
+from tdint_cli.options.grammar import FileName, ListOf, Written
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 
@@ -57,33 +57,23 @@ class Request:
     recorded: str = options.option(
         type=FileName(),
         required=True,
-        metavar="FILE",
-        common=True,
         help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, "
         "shift.",
     )
     fit: tuple[str, ...] | None = options.option(
-        type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
-        many=True,
+        type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
         metavar="stiffness|stiffness-factor,damping",
-        common=True,
         help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor "
         "can tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
         "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
     )
     blind: tuple[str, ...] | None = options.option(
         needs="--fit",
-        type=FileName(),
-        many=True,
-        metavar="FILE,...",
-        common=True,
+        type=ListOf(FileName()),
         help="Compare other recordings, too, with the fitted values; adds the column recorded.",
     )
     require: tuple[tuple[str, float], ...] | None = options.option(
-        type=Written("requirement", _requirement),
-        many=True,
-        metavar="NAME=NUMBER,...",
-        common=True,
+        type=ListOf(Written("NAME=NUMBER", _requirement)),
         help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this "
         "and its inverse, or an rms_difference of at most this.",
     )
@@ -91,6 +81,7 @@ class Request:
     dt: float | None = options.analysis.option(
         type=float,
         metavar="SECONDS",
+        rare=True,
         help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
         "method's error is not seen.",
     )
@@ -98,8 +89,6 @@ class Request:
         needs="-o or --plot",
         type=options.analysis.damping_ratio,
         default=0.05,
-        metavar="RATIO",
-        common=True,
         help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
     )
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(PERIODS, needs="-o or --plot")

@@ -31,26 +31,22 @@ class DriftRequest(TablesRequest):
     damping: tuple[float, ...] = options.spectra.damping()
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
     stories: int | None = options.spectra.option(
-        type=click.IntRange(1), metavar="N", common=True, help="Number of stories, the same at all periods and heights."
+        type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
     )
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),
         metavar="METERS",
-        common=True,
         help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
         f"{STORY_HEIGHT:g} by default.",
     )
     height_period: str = options.spectra.option(
         metavar="A,B",
         default=_HEIGHT_PERIOD,
-        common=True,
         help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
         "default.",
     )
     beam: bool = options.spectra.option(
-        is_flag=True,
-        common=True,
-        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
+        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum)."
     )
 
     def settings(self, default_periods: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from tdint.units import GROUND_MOTION
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Name, PairWish, Ratio, intensity, period
+from tdint_cli.options.grammar import FileName, ListOf, Name, PairWish, Ratio, intensity, period
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -58,15 +58,12 @@ class IdaRequest(RecordsRequest):
         type=_Measure(_measures),
         default="sa",
         metavar="NAME",
-        common=True,
         help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
         "period, Arias intensity or CAV.",
     )
     period: float | None = options.studies.option(
         needs="--im sa or sa-avg",
         type=period,
-        metavar="T1|SECONDS",
-        common=True,
         help="Period of sa and sa-avg; by default T1, the first one of the building.",
     )
     pairs: PairWish | None = options.studies.pairs(
@@ -75,21 +72,17 @@ class IdaRequest(RecordsRequest):
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
         type=intensity("acceleration", "velocity", "displacement"),
-        metavar="VALUE",
-        common=True,
         help="The largest intensity, with its unit (3g): capacities above it are censored.",
     )
     precision: float = options.analysis.option(
         type=Ratio(0.0, 0.5, min_open=True),
         default=0.05,
         metavar="5%",
-        common=True,
         help="Bracket of the capacity against collapse; 5% by default.",
     )
     collapse_drift: float | None = options.analysis.option(
         type=Ratio(0.0, min_open=True),
         metavar="10%",
-        common=True,
         help="Drift ratio over which the building has collapsed; by default the model's.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
@@ -100,14 +93,15 @@ class IdaRequest(RecordsRequest):
         needs="--damage",
         type=FileName(),
         metavar="MAIN",
+        rare=True,
         help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, "
         "which finds it at rest.",
     )
     damage: tuple[float, ...] | None = options.option(
         needs="--after",
-        type=Ratio(0.0, min_open=True),
-        many=True,
+        type=ListOf(Ratio(0.0, min_open=True)),
         metavar="2%,...",
+        rare=True,
         help="Drift ratios to which the mainshock is scaled; a study for each.",
     )
     method: str | None = options.analysis.method
@@ -115,8 +109,7 @@ class IdaRequest(RecordsRequest):
     duration: float | None = options.analysis.duration
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
-        is_flag=True,
-        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
+        rare=True, help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them."
     )
     output: str | None = options.output.output(
         "DIR",

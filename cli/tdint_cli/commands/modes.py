@@ -31,7 +31,6 @@ MODES = (_OF_BUILDING := Mode("without --target", frozenset({"shapes"})), _PEAKS
 @options.option(
     "--shapes",
     type=click.Choice(["roof", "participation"]),
-    common=True,
     help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
     "(the sum over all modes is 1 at each floor then).",
 )

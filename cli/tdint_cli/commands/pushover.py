@@ -10,7 +10,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import drift_size
+from tdint_cli.options.grammar import Count, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 
@@ -32,25 +32,15 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     "--pattern",
     type=click.Choice(PATTERNS),
     default=PATTERNS[0],
-    common=True,
     help="Forces on the floors: the masses times the first mode (by default), times 1, or times the height.",
 )
 @options.option(
     "--drift",
     type=drift_size,
     default="4%",
-    metavar="DRIFT",
-    common=True,
     help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
 )
-@options.option(
-    "--points",
-    type=click.IntRange(1, 100_000),
-    default=200,
-    metavar="COUNT",
-    common=True,
-    help="Steps of the roof displacement; 200 by default.",
-)
+@options.option("--points", type=Count(1, 100_000), default=200, help="Steps of the roof displacement; 200 by default.")
 @options.studies.target("The displacement to which a design spectrum pushes the building, in place of the curve")
 @options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs) -> None:

@@ -43,13 +43,9 @@ class Request:
     """The command line of `tdint rerun`."""
 
     file: str = options.argument("FILE.json|DIR", type=FileName())
-    changed: bool = options.option(
-        is_flag=True, common=True, help="Also with inputs that are not those of then; they are named."
-    )
+    changed: bool = options.option(help="Also with inputs that are not those of then; they are named.")
     trust: bool = options.option(
-        is_flag=True,
-        common=True,
-        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first.",
+        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first."
     )
     output: str | None = options.output.output(
         "DIR",

@@ -13,7 +13,7 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Number, PairWish, intensity, span, span_at
+from tdint_cli.options.grammar import Count, FileName, ListOf, Number, PairWish, intensity, span, span_at
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -44,15 +44,12 @@ class ScaleRequest(RecordsRequest):
     range: Grid | None = options.option(
         needs="--target",
         type=span_at(100),
-        metavar="FIRST:LAST",
-        common=True,
         help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all "
         "of the target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
     )
     rule: str | None = options.option(
         needs="--target",
         type=click.Choice(_RULES),
-        common=True,
         help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the "
         "average of the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: "
         "the mean spectrum is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN "
@@ -60,77 +57,67 @@ class ScaleRequest(RecordsRequest):
     )
     building: tuple[str, ...] | None = options.option(
         needs="--target",
-        many=True,
-        type=FileName(),
+        type=ListOf(FileName()),
         metavar="MODEL.yaml,...",
-        common=True,
         help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
         "shortest to the longest.",
     )
     max_factor: float | None = options.option(
         type=Number(0.0, min_open=True),
         metavar="FACTOR",
-        common=True,
         help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
     )
     select: int | None = options.option(
         needs="--target",
-        type=click.IntRange(1),
-        metavar="COUNT",
-        common=True,
+        type=Count(1),
         help="Choose so many, whose scaled spectra fit the target together; --rule acts on them.",
     )
     factors: tuple[float, float] | None = options.option(
         needs="--select",
         type=span,
-        metavar="LOW:HIGH",
+        rare=True,
         help="The least and the largest factor of --select, 0.25:4 by default; a motion that needs a farther one has "
         "the limit.",
     )
     per_event: int | None = options.option(
         needs="--select",
-        type=click.IntRange(1),
-        metavar="COUNT",
+        type=Count(1),
+        rare=True,
         help="At most so many motions of one earthquake: by --events, or motions that begin within ten minutes.",
     )
     events: str | None = options.option(
         needs="--per-event",
         type=FileName(),
-        metavar="FILE",
+        rare=True,
         help="The earthquake of each record: a CSV file with the columns record (the file's name) and event.",
     )
     scatter: str | None = options.option(
         needs="--select",
         metavar="0.35|FILE",
+        rare=True,
         help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the columns period_s and "
         "scatter.",
     )
-    sa: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa at the period --at: 0.6g."
-    )
+    sa: Units | None = options.option(type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g.")
     sa_avg: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at."
+        type=_ACCELERATION, rare=True, help="Scale to this Sa_avg about the period --at."
     )
     at: float | None = options.option(
-        type=Number(0.0, min_open=True), metavar="SECONDS", common=True, help="Period of --sa and --sa-avg."
+        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
     )
-    pga: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this peak ground acceleration: 0.4g."
-    )
+    pga: Units | None = options.option(type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g.")
     pgv: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s."
+        type=intensity("velocity"), rare=True, help="Scale to this peak velocity: 40cm/s."
     )
     arias: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s."
+        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity: 2m/s."
     )
     cav: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+        type=intensity("velocity"), rare=True, help="Scale to this cumulative absolute velocity: 9m/s."
     )
     p695: bool = options.option(
-        is_flag=True,
-        common=True,
         help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
-        "median Sa of all components.",
+        "median Sa of all components."
     )
     pairs: PairWish | None = options.studies.pairs(
         "Take the two horizontal components of a motion together, with one factor, by this measure of both."
@@ -200,9 +187,7 @@ _SPECTRA = options.output.option(
     "--spectra",
     needs="--target",
     type=FileName(written=True),
-    metavar="FILE",
     callback=options.output.refuse_empty,
-    common=True,
     help="Also write the scaled spectra, their mean and the target as CSV to this file.",
 )
 

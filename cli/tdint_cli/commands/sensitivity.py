@@ -64,7 +64,6 @@ MODES = (_MODEL, _CAMPAIGN)
     multiple=True,
     callback=_ranges,
     metavar="NAME=LOW:HIGH,...",
-    common=True,
     help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a factor "
     "of one story, 'story 3.stiffness_factor'.",
 )

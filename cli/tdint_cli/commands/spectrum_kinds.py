@@ -16,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import Grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio, pair_names
+from tdint_cli.options.grammar import BESIDE, FileName, ListOf, Mode, Number, Ratio, pair_names
 from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import note
 
@@ -43,6 +43,7 @@ AXES = options.output.option(
     "--axes",
     needs="--plot",
     type=click.Choice(["periods", "tripartite", "adrs"]),
+    rare=True,
     help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
     "scales of the other two (tripartite), or PSA over SD (adrs).",
 )
@@ -158,60 +159,55 @@ class SpectrumRequest(TablesRequest):
     method: str | None = options.analysis.method
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),
+        rare=True,
         help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
         "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
         "Not with --method, whose steps have their own. Adds a column.",
     )
     interpolation: str | None = options.spectra.option(
         type=click.Choice(["linear", "band-limited"]),
+        rare=True,
         help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
         "frequencies above half the sampling rate (band-limited). Adds a column.",
     )
     rotd: tuple[int, ...] | None = options.spectra.option(
-        type=click.IntRange(0, 100),
-        many=True,
+        type=ListOf(click.IntRange(0, 100)),
         metavar="P,...",
-        common=True,
         help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
         "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
     )
     pairs: PairNames | None = options.spectra.option(
         needs="--rotd",
         type=pair_names,
-        metavar="NAMES",
+        rare=True,
         help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
     )
     ductility: tuple[float, ...] | None = options.spectra.option(
-        type=Number(1.0, MOST_DUCTILE),
-        many=True,
+        type=ListOf(Number(1.0, MOST_DUCTILE)),
         metavar="MU,...",
-        common=True,
         help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
         "(the largest strength if there are several).",
     )
     strength: tuple[float, ...] | None = options.spectra.option(
-        type=Ratio(0.0, min_open=True),
-        many=True,
-        metavar="RATIO,...",
-        common=True,
+        type=ListOf(Ratio(0.0, min_open=True)),
         help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
     )
     hardening: float | None = options.spectra.option(
         needs="--ductility or --strength",
         type=Ratio(0.0, 1.0, max_open=True),
-        metavar="RATIO",
+        rare=True,
         help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
         "(elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
-        type=Number(0.0, min_open=True),
-        many=True,
+        type=ListOf(Number(0.0, min_open=True)),
         metavar="SECONDS,...",
+        rare=True,
         help="With --history: the motion of elastic oscillators of these periods instead.",
     )
     history: str | None = options.spectra.option(
-        needs="--oscillator", metavar="", help="With --oscillator: a row for each sample."
+        needs="--oscillator", metavar="", rare=True, help="With --oscillator: a row for each sample."
     )
     target: str | None = options.studies.target(
         "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
@@ -219,27 +215,25 @@ class SpectrumRequest(TablesRequest):
     )
     against: str | None = options.spectra.option(
         type=FileName(),
-        metavar="FILE",
+        rare=True,
         help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
         "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
     )
     against_column: str | None = options.spectra.option(
-        needs="--against", metavar="NAME", help="Which column of the published spectrum, if it has several."
+        needs="--against", metavar="NAME", rare=True, help="Which column of the published spectrum, if it has several."
     )
     against_interpolation: str | None = options.spectra.option(
         needs="--against",
         type=click.Choice(["log-log"]),
+        rare=True,
         help="Take the published spectrum between its periods on straight lines in logarithms.",
     )
-    fourier: bool = options.spectra.option(
-        is_flag=True,
-        common=True,
-        help="Fourier amplitude spectra of the acceleration instead.",
-    )
+    fourier: bool = options.spectra.option(help="Fourier amplitude spectra of the acceleration instead.")
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
         type=grammar.Written("bandwidth", _bandwidth),
         metavar="B|none",
+        rare=True,
         help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by default.",
     )
     axes: str | None

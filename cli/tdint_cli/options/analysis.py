@@ -13,7 +13,7 @@ import click
 from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Name, Ratio
+from tdint_cli.options.grammar import FileName, ListOf, Name, Ratio
 from tdint_cli.options.output import PICTURE, Outputs, to_files
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import note, warn
@@ -70,6 +70,7 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
         expose_value=exposed,
         callback=_load,
         metavar="FILE.py",
+        rare=True,
         help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, or with programs for "
         "`tdint chart`, its tuple PEERS; it is executed." + text,
     )
@@ -85,7 +86,6 @@ def method_of(needs: str) -> grammar.Declaration:
         type=method_name,
         needs=needs,
         metavar="SPEC",
-        common=True,
         help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; `tdint methods` lists "
         "all.",
     )
@@ -103,7 +103,6 @@ def methods(text: str) -> grammar.Declaration:
         multiple=True,
         callback=_specifications,
         metavar="SPEC,...",
-        common=True,
         help=f"Time-integration methods with their parameters, such as newmark:beta=0.25:gamma=0.5; {text} if there is "
         "none.",
     )
@@ -127,7 +126,6 @@ dt = option(
     "--dt",
     type=float,
     metavar="SECONDS",
-    common=True,
     help="Time step; by default the model's, else the record's sampling interval. Under a record it is a whole part "
     "or a whole multiple of that interval.",
 )
@@ -135,13 +133,13 @@ duration = option(
     "--duration",
     type=float,
     metavar="SECONDS",
+    rare=True,
     help="Time to integrate; by default the model's, else the record's.",
 )
 
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    common=True,
     help="Go on after the record with the ground at rest until the building is, too: residual drifts are at rest then.",
 )
 
@@ -167,6 +165,7 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
         heading=grammar.OUTPUT,
         needs="--plot",
         is_flag=True,
+        rare=True,
         help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
     )
 
@@ -194,11 +193,8 @@ def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.
     """The options of an `OscillatorRequest`; pictures have these methods where none is named."""
     damping = option(
         "--damping",
-        type=Ratio(0.0),
-        many=True,
+        type=ListOf(Ratio(0.0)),
         default=(0.0,),
-        metavar="RATIO,...",
-        common=True,
         help="Damping ratios of the oscillator, also of 1 and more; 0 by default.",
     )
     files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)

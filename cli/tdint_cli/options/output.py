@@ -44,7 +44,7 @@ _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
     """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may write again."""
     kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
-    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, common=True, help=text)
+    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, help=text)
 
 
 def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
@@ -104,7 +104,6 @@ def plot(text: str) -> grammar.Declaration:
         type=FileName(written=True),
         metavar="[FILE]",
         callback=refuse_empty,
-        common=True,
         help=text,
         behind=[style_of("--plot")],
     )
@@ -131,6 +130,7 @@ def style_of(needs: str) -> grammar.Declaration:
         expose_value=False,
         callback=_styled,
         metavar="LOOKS",
+        rare=True,
         help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 points, 600 dpi; "
         "a style sheet is matplotlib's. All words: \"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
         'label:moment4=present method".',
@@ -142,8 +142,6 @@ picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
-    metavar="UNIT,...",
-    common=True,
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
     "length, mass, velocity, acceleration: kip,in,g.",
 )
@@ -152,17 +150,17 @@ report = option(
     type=FileName(written=True),
     metavar="FILE.html",
     callback=lambda context, parameter, value: check_report(refuse_empty(context, parameter, value)),
-    common=True,
     help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
     "that needs no network and prints on A4.",
 )
-overwrite = option("--overwrite", is_flag=True, common=True, help="Replace existing outputs.")
+overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 jobs = grammar.option(
     "--jobs",
     heading=grammar.GENERAL,
     type=click.IntRange(1, 1024),
     default=1,
     metavar="N",
+    rare=True,
     help="Processes that share the records; one by default. The output does not depend on it.",
 )
 
@@ -174,6 +172,7 @@ def threads(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
         heading=heading,
         type=click.IntRange(1, 1024),
         metavar="N",
+        rare=True,
         help=f"{text} by default. The output does not depend on it.",
     )
 

@@ -13,7 +13,7 @@ import click
 from tdint.data import dataclass
 from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
+from tdint_cli.options.grammar import FileName, ListOf, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
@@ -73,14 +73,13 @@ records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type
 record = option(
     "--record",
     type=FileName(),
-    metavar="FILE",
+    rare=True,
     help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
     "--units",
     type=SampleUnitsType(_units),
     metavar="UNITS",
-    common=True,
     help="Units of the samples, or by file AT2=g,*.mseed=m/s^2; of all: m/s^2, cm/s^2, gal, "
     "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a velocity or a "
     "displacement (cm/s, cm), which is then differentiated. By file: a format or the end of a path each, or a table "
@@ -89,33 +88,21 @@ units = option(
 component = option(
     "--component",
     metavar="NAME",
-    common=True,
     help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
 )
 inventory = option(
     "--inventory",
     type=FileName(),
-    metavar="FILE",
+    rare=True,
     help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
     "the samples are.",
 )
 scale = option(
-    "--scale",
-    type=Nonzero(),
-    many=True,
-    once=False,
-    metavar="FACTOR",
-    common=True,
-    help="Factor on the ground acceleration, not zero.",
+    "--scale", type=ListOf(Nonzero(), once=False), metavar="FACTOR", help="Factor on the ground acceleration, not zero."
 )
 
 one_scale = option(
-    "--scale",
-    type=Nonzero(),
-    needs="RECORD",
-    metavar="FACTOR",
-    common=True,
-    help="Factor on the ground acceleration, not zero.",
+    "--scale", type=Nonzero(), needs="RECORD", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
 )
 
 _LAYOUT = (
@@ -123,13 +110,14 @@ _LAYOUT = (
         "--step",
         type=Number(0.0, min_open=True),
         metavar="SECONDS",
+        rare=True,
         help="Sampling interval of a text table that does not tell it; a file that does must agree.",
     ),
     option(
         "--column",
-        many=True,
-        type=click.STRING,
+        type=ListOf(click.STRING),
         metavar="N|NAME,...",
+        rare=True,
         help="Columns of a text table, by number, counted from 1, or name; by default those whose names are those of "
         "accelerations, else all but the time.",
     ),
@@ -137,6 +125,7 @@ _LAYOUT = (
         "--skip-lines",
         type=click.IntRange(0, 1_000_000),
         metavar="N",
+        rare=True,
         help="Pass over so many lines at the beginning of a text table.",
     ),
 )
@@ -145,31 +134,29 @@ _PROCESSING = (
     option(
         "--trim",
         metavar="START:END",
+        rare=True,
         help="Keep this part of the record, seconds from its first sample; an end may be left out.",
     ),
     option(
         "--baseline",
         type=click.Choice(["constant", "linear"]),
+        rare=True,
         help="Remove the mean, or the least-squares line, of the acceleration.",
     ),
-    option(
-        "--pad",
-        metavar="SECONDS|BEFORE:AFTER",
-        help="Add zeros before and after the record.",
-    ),
+    option("--pad", metavar="SECONDS|BEFORE:AFTER", rare=True, help="Add zeros before and after the record."),
     option(
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        common=True,
         help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
     ),
-    option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
-    option("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", rare=True, help="The same from the other side."),
+    option("--corners", type=click.IntRange(1, 10), metavar="N", rare=True, help="Order of the filters; 4 by default."),
     option(
         "--resample",
         type=Number(0.0, min_open=True),
         metavar="DT",
+        rare=True,
         help="Change the sampling interval, s: band-limited, with a filter against aliasing if it becomes longer.",
     ),
 )

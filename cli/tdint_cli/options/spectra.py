@@ -15,7 +15,7 @@ from tdint.output import figures, tables
 from tdint.system import processors
 from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import Number, grid
+from tdint_cli.options.grammar import ListOf, Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,12 +60,10 @@ def damping(needs: str = "") -> grammar.Declaration:
     """The option --damping, of what it `needs`."""
     return option(
         "--damping",
-        type=damping_ratio,
-        many=True,
+        type=ListOf(damping_ratio),
         default=(0.05,),
-        common=not needs,
+        rare=bool(needs),
         needs=needs,
-        metavar="RATIO,...",
         help="Damping ratios; 0.05 (or 5%) by default.",
     )
 
@@ -84,9 +82,8 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
     return option(
         "--period",
         "--periods",
-        type=_Periods(0.0, min_open=not zero),
-        many=True,
-        common=not needs,
+        type=ListOf(_Periods(0.0, min_open=not zero)),
+        rare=bool(needs),
         needs=needs,
         metavar="SECONDS|FIRST:LAST:COUNT,...",
         help=f"Periods, or so many in equal ratios, both ends included; {default} by default.{zero}",
@@ -112,6 +109,7 @@ def periods_as_given(given: Iterable[float | Grid] | None, default: str) -> list
 export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
+    rare=True,
     help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
 )
 _NEEDS = "--floor-spectra"
@@ -123,10 +121,8 @@ class FloorRequest:
 
     floors: tuple[str, ...] | None = option(
         _NEEDS,
-        type=click.STRING,
-        many=True,
+        type=ListOf(click.STRING),
         metavar="FLOOR,...",
-        common=True,
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, "
         f"or roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of "
         f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
