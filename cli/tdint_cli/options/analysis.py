@@ -170,11 +170,6 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
     )
 
 
-def drawn(results: Sequence[Result], names: Sequence[str]) -> list[Result]:
-    """Those of the results that are of methods of these names."""
-    return [result for result in results if result.method.partition(":")[0] in names]
-
-
 @dataclass(frozen=True, kw_only=True)
 class OscillatorRequest:
     """What the command lines have in common that measure methods on an oscillator: `of_oscillator` gives it."""
@@ -186,7 +181,9 @@ class OscillatorRequest:
 
     def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
         """What the picture has: all that was asked for, else those of these names."""
-        return results if self.draw_all or self.methods else drawn(results, names)
+        if self.draw_all or self.methods:
+            return results
+        return [result for result in results if result.method.partition(":")[0] in names]
 
 
 def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -19,7 +19,7 @@ from tdint.files import STDIN, keep_input
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, OutputUnitsType
+from tdint_cli.options.grammar import FileName, Function, OutputUnitsType
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(grammar.option, heading=grammar.OUTPUT)
 
@@ -293,14 +291,9 @@ def to_files(
     def declared(command: Function) -> Function:
         @functools.wraps(command)
         def collected(**given: Any) -> Any:
-            names = ("output", "plot", "overwrite", "output_units", "report")
-            asked = {name: given.pop(name, None) for name in names}
+            units, report = given.pop("output_units", None), given.pop("report", None)
             outputs = Outputs.checked(
-                asked["output"],
-                asked["plot"],
-                bool(asked["overwrite"]),
-                units=asked["output_units"],
-                report=asked["report"],
+                given.pop("output"), given.pop("plot", None), given.pop("overwrite"), units=units, report=report
             )
             return command(**given, outputs=outputs)
 

@@ -6,21 +6,19 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from tdint.data import dataclass
 from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, ListOf, Nonzero, Number, SampleUnitsType
+from tdint_cli.options.grammar import FileName, Function, ListOf, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
     from tdint.ground_motion.reading.sample_units import SampleUnits
     from tdint.ground_motion.record import Record
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(grammar.option, heading=grammar.RECORD)
 
@@ -168,49 +166,43 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 """The parameters by which a record is read and changed, but for its scale."""
 
 
-def processing(command: Function) -> Function:
-    """The options that change a record; the command gets them together, as `processing`.
+def _read_and_changed(command: Function) -> Function:
+    """The command gets what a text table does not tell together as `layout`, and what changes a record as `processing`.
 
     The steps are taken in the order of the options, whatever that of the command line.
     """
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
-        from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
+        from tdint.ground_motion.choice import Processing, TextLayout, parse_pad, parse_trim
 
-        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(Processing)}
+        layout, steps = (
+            {field.name: given.pop(field.name) for field in dataclasses.fields(kind)}
+            for kind in (TextLayout, Processing)
+        )
         for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
-            if chosen[name] is not None:
-                chosen[name] = parse(chosen[name])
-        return command(**given, processing=Processing(**chosen))
+            if steps[name] is not None:
+                steps[name] = parse(steps[name])
+        layout["column"] = layout["column"] or ()
+        return command(**given, layout=TextLayout(**layout), processing=Processing(**steps))
 
-    return cast(Function, grammar.with_options(_PROCESSING, collected))
-
-
-def layout(command: Function) -> Function:
-    """The options that tell what a text table does not; the command gets them together, as `layout`."""
-
-    @functools.wraps(command)
-    def collected(**given: Any) -> Any:
-        from tdint.ground_motion.choice import TextLayout
-
-        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
-        return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))
-
-    return cast(Function, grammar.with_options(_LAYOUT, collected))
+    return cast(Function, collected)
 
 
-of_records = grammar.together(records, units, component, layout, inventory, processing)
+_READ = (units, component, *_LAYOUT, inventory)
+_CHANGED = (*_PROCESSING, _read_and_changed)
+
+of_records = grammar.together(records, *_READ, *_CHANGED)
 """All that command lines with records as arguments have in common, for a RecordsRequest."""
 
-of_records_if_any = grammar.together(records_if_any, units, component, layout, inventory, processing)
+of_records_if_any = grammar.together(records_if_any, *_READ, *_CHANGED)
 """The same, where there need be none."""
 
-of_record = grammar.together(record, units, component, layout, inventory, scale, processing)
-"""The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
+of_motion = grammar.together(*_READ, scale, *_CHANGED)
+"""The options of a single record but --record, in place of a model's or beside it, for a BuildingRequest."""
 
-of_motion = grammar.together(units, component, layout, inventory, scale, processing)
-"""The same of a command that declares --record itself."""
+of_record = grammar.together(record, of_motion)
+"""The same with --record."""
 
 
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:

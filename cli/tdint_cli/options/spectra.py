@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
     from tdint.written_numbers import Grid
 
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 
@@ -46,7 +43,7 @@ _PICTURE = output.plot(
 )
 
 
-def tables_of_records(*more: grammar.Declaration) -> Callable[[Function], Function]:
+def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
     return grammar.together(_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
 
