@@ -24,7 +24,7 @@ from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.profiles import FieldProblem
-    from tdint.analysis.chart.work_precision import Chart, Point, Timing
+    from tdint.analysis.chart.work_precision import Chart, Peer, Point, Timing
     from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
     from tdint.model.definition import Model
@@ -205,12 +205,11 @@ def command(request: Request) -> None:
     if advice:
         _recommend(request, charts[0], advice)
     note(*notes)
-    _tell_timing([chart.timing for chart in charts])
-    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in charts[0].peers))
+    _tell_timing([chart.timing for chart in charts], charts[0].peers)
 
 
-def _tell_timing(timings: Sequence[Timing]) -> None:
-    """How the marches were timed, and whether that was disturbed."""
+def _tell_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
+    """How the marches were timed, whether that was disturbed, and which other programs took part."""
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
@@ -220,6 +219,7 @@ def _tell_timing(timings: Sequence[Timing]) -> None:
             f"the marches took {worst.stretch:.3g} times their processor time on the wall: other work had the "
             "processors, and what shares their caches slows the marches, too; time them again on a quiet machine"
         )
+    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in programs))
 
 
 def _check(request: Request) -> BuildingRequest:
@@ -280,8 +280,7 @@ def _chart_many(request: Request) -> None:
         f"{leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails least): {leaders.safest}."
     )
     note(*notes)
-    _tell_timing([chart.timing])
-    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers))
+    _tell_timing([chart.timing], chart.peers)
 
 
 def _problems(request: Request) -> list[FieldProblem]:

@@ -28,6 +28,8 @@ _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 class DriftRequest(TablesRequest):
     """The command line of `tdint drift-spectrum`."""
 
+    DEFAULT_PERIODS = DRIFT_PERIODS
+
     damping: tuple[float, ...] = options.spectra.damping()
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
     stories: int | None = options.spectra.option(
@@ -49,9 +51,9 @@ class DriftRequest(TablesRequest):
         help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum)."
     )
 
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """As those of all spectra, with the story height that is taken where none is given."""
-        settings = super().settings(default_periods)
+        settings = super().settings()
         if not self.beam and self.stories is None:
             settings["story_height"] = self.story_height or STORY_HEIGHT
         return settings
@@ -86,9 +88,6 @@ def command(request: DriftRequest) -> None:
 class _DriftSpectra(Kind):
     """Drift spectra of each component with each damping ratio."""
 
-    command = "drift-spectrum"
-    default_periods = DRIFT_PERIODS
-
     def check(self, request: DriftRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         if request.stories is not None and request.story_height is not None:
@@ -97,7 +96,7 @@ class _DriftSpectra(Kind):
             raise UsageError("--beam has no stories: leave out --stories and --story-height")
         from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
-        heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))
+        heights = parse_height_period(request.height_period).height(request.chosen_periods())
         if not request.beam:
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
@@ -108,7 +107,7 @@ class _DriftSpectra(Kind):
         results = [
             drift_spectrum(
                 record,
-                request.chosen_periods(DRIFT_PERIODS),
+                request.chosen_periods(),
                 damping,
                 stories=request.stories,
                 story_height=request.story_height or STORY_HEIGHT,

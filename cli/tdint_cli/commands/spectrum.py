@@ -10,7 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from tdint.analysis.defaults import PERIODS
+import click
+
 from tdint.data import dataclass
 from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
@@ -162,7 +163,9 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
     contents: dict[Path, bytes] = {}
     if outputs.table and outputs.summary:
         records = [record for product in products for record in product.records]
-        summary = table_summary(kind.command, request.settings(kind.default_periods), records, products[0].meanings)
+        summary = table_summary(
+            str(click.get_current_context().info_name), request.settings(), records, products[0].meanings
+        )
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
@@ -278,7 +281,7 @@ def _write_target(request: SpectrumRequest) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     # Periods that were asked for, else the target's own; a formula has a value at 0, too.
     if request.periods is not None:
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         if min(periods) <= 0.0 and target.curve is None:
             raise UsageError("--period 0: a target given as a table has positive periods")
         target = replace(target, periods=periods, psa=target.at(periods))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
@@ -71,10 +71,8 @@ class Results:
 
 
 class Kind(Protocol):
-    """A kind of table over the period, of a command's name and the periods that it has where none are asked for."""
+    """A kind of table over the period."""
 
-    command: str = "spectrum"
-    default_periods: str = PERIODS
     mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
@@ -102,7 +100,10 @@ class Kind(Protocol):
 
 @dataclass(frozen=True)
 class TablesRequest(RecordsRequest):
-    """What the command lines have in common that make a table over the period of each record."""
+    """What the command lines have in common that make a table over the period of each record, at `DEFAULT_PERIODS`
+    where none are asked for."""
+
+    DEFAULT_PERIODS: ClassVar[str] = PERIODS
 
     damping: tuple[float, ...]
     periods: tuple[float | Grid, ...] | None
@@ -129,14 +130,14 @@ class TablesRequest(RecordsRequest):
         if self.is_folder and self.plot not in (None, BESIDE):
             raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
 
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
         settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
-        return settings | {"periods": options.spectra.periods_as_given(self.periods, default_periods)}
+        return settings | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
 
-    def chosen_periods(self, default: str) -> NDArray[np.float64]:
+    def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
-        return options.spectra.chosen_periods(self.periods, default)
+        return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 
 
 def _bandwidth(text: str) -> float:
@@ -244,10 +245,10 @@ class SpectrumRequest(TablesRequest):
         horizontals = super().read(file)
         return horizontals if self.scale is None else [record.scaled(self.scale) for record in horizontals]
 
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
         if self.fourier:
-            told = super().settings(default_periods)
+            told = super().settings()
             smoothing = "none" if self.bandwidth is None else self.bandwidth
             return {name: told[name] for name in _OF_RECORDS if name in told} | {
                 "fourier": True,
@@ -256,7 +257,7 @@ class SpectrumRequest(TablesRequest):
         manner = self.manner
         # What has no part in this table is told as null, not as its default.
         yields = self.ductility or self.strength
-        return super().settings(default_periods) | {
+        return super().settings() | {
             "method": self.method or "exact",
             "hardening": self.hardening or 0.0 if yields else None,
             "maxima": manner.maxima.name,
@@ -293,9 +294,9 @@ class SpectrumRequest(TablesRequest):
         return choose_settings(self.method, self.maxima, self.interpolation)
 
     @property
-    def stated(self) -> tuple[str, ...]:
+    def stated(self) -> dict[str, Any]:
         """What was chosen by name and therefore has a column."""
-        return tuple(name for name in ("maxima", "interpolation") if getattr(self, name) is not None)
+        return {name: value for name in ("maxima", "interpolation") if (value := getattr(self, name)) is not None}
 
 
 # ---- Spectrum kinds
@@ -316,7 +317,7 @@ class _OfOscillators(Kind):
 
     def remark(self, request: SpectrumRequest, interval: float) -> str:
         """What a person should know of the periods."""
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         remarks: list[str] = []
         # Periods at which the ground motion between the samples matters
         limit = STEPS_PER_PERIOD * interval
@@ -354,16 +355,9 @@ class Elastic(_OfOscillators):
         """The spectra of each component with each damping ratio."""
         from tdint.analysis.spectra.elastic import spectrum
 
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         lines = [
-            spectrum(
-                record,
-                periods,
-                damping,
-                method=request.method,
-                maxima=request.maxima,
-                interpolation=request.interpolation,
-            )
+            spectrum(record, periods, damping, method=request.method, **request.stated)
             for record in records
             for damping in request.damping
         ]
@@ -371,7 +365,7 @@ class Elastic(_OfOscillators):
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
         """A row for each spectrum and period."""
-        return tables.spectra.result_table(lines, request.stated)
+        return tables.spectra.result_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
         """A line for each spectrum."""
@@ -393,7 +387,7 @@ class Inelastic(_OfOscillators):
         """The spectra of each component with each damping ratio, and ductility or strength."""
         from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         hardening = request.hardening or 0.0
         lines: list[InelasticSpectrum] = []
         for record in records:
@@ -477,23 +471,16 @@ class Rotated(_OfOscillators):
         from tdint.ground_motion.horizontals import find_horizontals, with_component
 
         motion = find_horizontals([with_component(record) for record in records])
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         lines = [
-            rotated_spectrum(
-                motion,
-                periods,
-                damping,
-                request.rotd or (),
-                maxima=request.maxima,
-                interpolation=request.interpolation,
-            )
+            rotated_spectrum(motion, periods, damping, request.rotd or (), **request.stated)
             for damping in request.damping
         ]
         return Results(lines, (motion.first, motion.second), [f"{motion.source}: {note}" for note in motion.notes])
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
         """A row for each damping ratio and period."""
-        return tables.spectra.rotated_table(lines, request.stated)
+        return tables.spectra.rotated_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
         """A line for each percentile."""

@@ -88,9 +88,9 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     return value
 
 
-def check_report(value: str | None) -> str | None:
+def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """Refuse the name of another format."""
-    if value is not None and not value.lower().endswith((".html", ".htm")):
+    if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {value}: the page is HTML; name it .html")
     return value
 
@@ -147,32 +147,22 @@ report = option(
     "--report",
     type=FileName(written=True),
     metavar="FILE.html",
-    callback=lambda context, parameter, value: check_report(refuse_empty(context, parameter, value)),
+    callback=_page,
     help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
     "that needs no network and prints on A4.",
 )
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
-jobs = grammar.option(
-    "--jobs",
-    heading=grammar.GENERAL,
-    type=click.IntRange(1, 1024),
-    default=1,
-    metavar="N",
-    rare=True,
-    help="Processes that share the records; one by default. The output does not depend on it.",
-)
 
 
-def threads(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
-    """The option --jobs of commands whose runs share this process; `text` says what the threads do."""
+def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
+    """The option --jobs; `text` says what the threads of this process do, or several processes."""
+    told = f"{text} by default. The output does not depend on it."
     return grammar.option(
-        "--jobs",
-        heading=heading,
-        type=click.IntRange(1, 1024),
-        metavar="N",
-        rare=True,
-        help=f"{text} by default. The output does not depend on it.",
+        "--jobs", heading=heading, type=click.IntRange(1, 1024), metavar="N", rare=True, help=told, **settings
     )
+
+
+jobs = threads("Processes that share the records; one", grammar.GENERAL, default=1)
 
 
 @dataclass(frozen=True)

@@ -95,13 +95,9 @@ inventory = option(
     help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
     "the samples are.",
 )
-scale = option(
-    "--scale", type=ListOf(Nonzero(), once=False), metavar="FACTOR", help="Factor on the ground acceleration, not zero."
-)
-
-one_scale = option(
-    "--scale", type=Nonzero(), needs="RECORD", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
-)
+_factor = partial(option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
+scale = _factor(type=ListOf(Nonzero(), once=False))
+one_scale = _factor(type=Nonzero(), needs="RECORD")
 
 _LAYOUT = (
     option(
