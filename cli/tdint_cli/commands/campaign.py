@@ -25,7 +25,7 @@ from tdint_cli.campaigns import (
     set_looks,
 )
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, ListOf, Mode, Written, refuse_idle
+from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
 
 
@@ -95,8 +95,7 @@ class CampaignRequest(SuiteRequest):
         help="Losses also by what stands in this column of the inventory, such as district: a column of losses.csv.",
     )
     im: tuple[str, ...] | None = options.studies.option(
-        type=ListOf(click.STRING),
-        metavar="NAME,...",
+        type=ListOf(Name()),
         rare=True,
         help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
         "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "

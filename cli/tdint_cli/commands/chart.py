@@ -392,20 +392,17 @@ def _deliver(
 ) -> None:
     from tdint.output.summary import chart_summary
 
-    name, target = model.name, request.target
+    looks: dict[str, Any] = {"name": model.name, "target": request.target, "highlight": request.highlight}
     table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])
 
     def draw() -> Figure:
         if request.stories:
-            return figures.assessment.sizes_picture(charts, name=name, target=target, highlight=request.highlight)
-        return figures.assessment.chart_picture(
-            charts[0], name=name, target=target, versus=request.versus, highlight=request.highlight
-        )
+            return figures.assessment.sizes_picture(charts, **looks)
+        return figures.assessment.chart_picture(charts[0], versus=request.versus, **looks)
 
     def summarize() -> dict[str, Any]:
-        return chart_summary(
-            charts, model=model, record=record, target=target, advice=advice, notes=notes, meanings=table.meanings
-        )
+        told: dict[str, Any] = {"target": request.target, "advice": advice, "notes": notes}
+        return chart_summary(charts, model=model, record=record, meanings=table.meanings, **told)
 
     request.outputs.deliver(table, draw, summarize)
 

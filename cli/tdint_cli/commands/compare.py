@@ -13,7 +13,7 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures
-from tdint.written_numbers import how_many
+from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName, ListOf, Written
@@ -268,8 +268,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
         changes = [f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}" for item in values]
-        more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
-        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
+        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _FEW)}.")
     note(*dict.fromkeys(text for item in comparisons for text in (*item.event.notes, *item.response.notes)))
     note(*(fitted.notes if fitted else ()))

@@ -28,7 +28,6 @@ def _problems() -> list[str]:
     "--problem",
     "problems",
     type=ListOf(Name(_problems)),
-    metavar="NAME,...",
     help="Problems to take: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
     "none.",

@@ -14,7 +14,7 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, ListOf, Mode, Number, refuse_idle, span
+from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Number, refuse_idle, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
@@ -44,9 +44,8 @@ _OF_OPENQUAKE = (
     ),
     options.output.option(
         "--states",
-        type=ListOf(click.STRING),
+        type=ListOf(Name()),
         needs="--openquake",
-        metavar="NAME,...",
         help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
     ),
 )
@@ -79,8 +78,7 @@ class Request:
         "left out.",
     )
     im: tuple[str, ...] | None = options.option(
-        type=ListOf(click.STRING),
-        metavar="NAME,...",
+        type=ListOf(Name()),
         help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign "
         "--im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both components. Several are compared, by "
         "how well they tell the largest drift: another table.",

@@ -57,7 +57,6 @@ class IdaRequest(RecordsRequest):
     im: str = options.studies.option(
         type=_Measure(_measures),
         default="sa",
-        metavar="NAME",
         help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
         "period, Arias intensity or CAV.",
     )
@@ -158,6 +157,7 @@ def command(request: IdaRequest) -> None:
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
     from tdint.campaign.ida_curve import Mainshock
+    from tdint.campaign.intensity import SPECTRAL, measure_at
     from tdint.ground_motion.measures import cut_off
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
@@ -166,9 +166,9 @@ def command(request: IdaRequest) -> None:
     model = load_model(request.model)
     units = request.output_units or model.output_units
     # The intensity measure: a spectral one at a period, the building's first by default
-    spectral = request.im in ("sa", "sa-avg")
-    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
-    measure = options.studies.measure(request.im, period, request.damping)
+    is_spectral = request.im in SPECTRAL
+    period = (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
+    measure = measure_at(request.im, request.damping, period)
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
         raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")

@@ -103,7 +103,6 @@ class Request:
     structure: str | None = options.option(
         "--type",
         type=Name(_structures),
-        metavar="NAME",
         help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
     )
     year: int | None = options.option(

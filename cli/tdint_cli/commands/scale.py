@@ -11,7 +11,7 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
-from tdint.written_numbers import how_many
+from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
 from tdint_cli.options.grammar import Count, FileName, ListOf, Number, PairWish, intensity, span, span_at
 from tdint_cli.options.output import Outputs
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits, Units
     from tdint.written_numbers import Grid
 
-_VALUES = ("sa", "sa_avg", "pga", "pgv", "arias", "cav")
+_VALUES = ("sa", "sa-avg", "pga", "pgv", "arias", "cav")
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 _ACCELERATION = intensity("acceleration")
@@ -127,9 +127,10 @@ class ScaleRequest(RecordsRequest):
     @property
     def value(self) -> tuple[str, float] | None:
         """The measure that a value is given of, and the value in SI units."""
-        given = [(name, value.scale) for name in _VALUES if (value := getattr(self, name)) is not None]
+        values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
+        given = [(name, value.scale) for name, value in values.items() if value is not None]
         if len(given) > 1:
-            names = " and ".join(f"--{name.replace('_', '-')}" for name, _ in given)
+            names = " and ".join(f"--{name}" for name, _ in given)
             raise UsageError(f"{names} are given; a motion is scaled to one value")
         return given[0] if given else None
 
@@ -141,23 +142,21 @@ class ScaleRequest(RecordsRequest):
         UsageError
             What to scale to is not said, or said twice; an option that has no part in it.
         """
-        value = self.value
-        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695 or None)) if given]
-        if value and not self.p695:
-            aims.append(f"--{value[0].replace('_', '-')}")
+        measure = self.value[0] if self.value else ""
+        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695)) if given]
+        if measure and not self.p695:
+            aims.append(f"--{measure}")
         if len(aims) != 1:
             aim = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
             raise UsageError(
                 f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --arias, --cav, --p695"
             )
-        if self.p695 and value and value[0] != "sa":
+        if self.p695 and measure not in ("", "sa"):
             raise UsageError("--p695 is scaled on by --sa with --at")
-        needs_period = value is not None and value[0].startswith("sa")
         by_period = self.rule in _BY_PERIOD and self.range is None
-        takes_period = needs_period or by_period
-        if needs_period and self.at is None:
-            raise UsageError(f"--{value[0].replace('_', '-') if value else ''} needs a period: add --at SECONDS")
-        if self.at is not None and not takes_period:
+        if measure.startswith("sa") and self.at is None:
+            raise UsageError(f"--{measure} needs a period: add --at SECONDS")
+        if self.at is not None and not (measure.startswith("sa") or by_period):
             raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range")
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
@@ -255,6 +254,7 @@ def command(request: ScaleRequest) -> None:
 def _aim(request: ScaleRequest) -> Any:
     """What scales a suite as the command line asks; the target is read and compared with the periods before."""
     from tdint.campaign import scaling
+    from tdint.campaign.intensity import measure_at
 
     value = request.value
     if request.p695:
@@ -264,7 +264,7 @@ def _aim(request: ScaleRequest) -> Any:
     if request.target is None:
         assert value is not None
         name, number = value
-        measure = options.studies.measure(name, request.at, request.damping)
+        measure = measure_at(name, request.damping, request.at or math.nan)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.analysis.spectra.target import read_target
     from tdint.written_numbers import Grid
@@ -353,8 +353,7 @@ def _doubts(scaling: Scaling) -> list[str]:
     if scaling.target is not None:
         bounds, why = BOUNDS, "the bounds of common practice"
     if beyond := scaling.beyond(*bounds):
-        named = ", ".join(f"{name} {factor:.4g}" for name, factor in beyond[:5])
-        named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
+        named = first_few([f"{name} {factor:.4g}" for name, factor in beyond], 5)
         doubts.append(f"factors beyond {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
     return doubts
 

@@ -20,7 +20,7 @@ from tdint_cli import options
 from tdint_cli.commands import spectrum_kinds as kinds
 from tdint_cli.commands.spectrum_kinds import AXES, MODES, Kind, SpectrumRequest, TablesRequest
 from tdint_cli.drawing import reading_width, table_bytes
-from tdint_cli.options.grammar import refuse_idle
+from tdint_cli.options.grammar import BESIDE, refuse_idle
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
 from tdint_cli.options.record import notes_of_components
 from tdint_cli.processes import Task, outcomes
@@ -74,7 +74,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     from tdint.ground_motion.reading.suites import records_of
 
     kind.check(request)
-    request.check_plot()
+    if request.is_folder and request.plot not in (None, BESIDE):
+        raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
     sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
     files_of = kind.gather(request, sources.files)
@@ -296,9 +297,9 @@ def _write_target(request: SpectrumRequest) -> None:
     from tdint.output.tables.table import Table
 
     table = Table.of_results(TARGET, [target])
-
-    def summarize() -> dict[str, Any]:
-        settings = {"target": target.source, "damping": target.damping}
-        return table_summary("spectrum", settings, [], table.meanings)
-
-    outputs.deliver(table, lambda: figures.spectrum_curves.target_picture(drawn, request.shown_units), summarize)
+    settings = {"target": target.source, "damping": target.damping}
+    outputs.deliver(
+        table,
+        lambda: figures.spectrum_curves.target_picture(drawn, request.shown_units),
+        lambda: table_summary("spectrum", settings, [], table.meanings),
+    )

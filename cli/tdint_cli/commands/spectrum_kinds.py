@@ -125,11 +125,6 @@ class TablesRequest(RecordsRequest):
         """Whether -o names a folder."""
         return self.output is not None and options.output.is_folder_name(self.output)
 
-    def check_plot(self) -> None:
-        """Raise UsageError for one picture of what goes into several tables."""
-        if self.is_folder and self.plot not in (None, BESIDE):
-            raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
-
     def settings(self) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
         settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
@@ -315,6 +310,14 @@ TARGET = Mode(
 class _OfOscillators(Kind):
     """Spectra over the periods that a command line asks for, with a remark on these."""
 
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        _ = request.manner
+        if request.aim and not request.plot:
+            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
+        if request.aim and request.axes not in (None, "periods"):
+            raise UsageError("--target is drawn over the period; leave --axes out")
+
     def remark(self, request: SpectrumRequest, interval: float) -> str:
         """What a person should know of the periods."""
         periods = request.chosen_periods()
@@ -342,14 +345,6 @@ class Elastic(_OfOscillators):
     """Elastic spectra of single components."""
 
     mode = Mode("with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"})
-
-    def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
-        _ = request.manner
-        if request.aim and not request.plot:
-            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
-        if request.aim and request.axes not in (None, "periods"):
-            raise UsageError("--target is drawn over the period; leave --axes out")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectra of each component with each damping ratio."""
@@ -446,10 +441,6 @@ class Rotated(_OfOscillators):
     """Spectra of two horizontal components together, over all directions."""
 
     mode = Mode("with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"})
-
-    def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
-        Elastic().check(request)
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
         """The files of each motion: those that are named alike but for the component, in the order of the first ones.

@@ -264,11 +264,12 @@ class PairWish:
 
 
 class Name(ValueType):
-    """A text, and the names that it completes to; they are asked for only then, and may take a while to load."""
+    """A text, and the names that it completes to, if any are known; they are asked for only then, and may take a while
+    to load."""
 
-    name = "text"
+    name = "name"
 
-    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+    def __init__(self, names: Callable[[], Iterable[str]] = tuple) -> None:
         self.names = names
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

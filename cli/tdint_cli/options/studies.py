@@ -14,7 +14,6 @@ from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.intensity import IntensityMeasure
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
 
@@ -58,17 +57,6 @@ def damping(needs: str) -> grammar.Declaration:
         rare=True,
         help="Damping ratio of Sa; 0.05 (or 5%) by default.",
     )
-
-
-def measure(name: str, period: float | None, damping: float) -> IntensityMeasure:
-    """The intensity measure of a name: sa and sa-avg at a period (s), others without one."""
-    from tdint.campaign import intensity
-
-    if period is None:
-        return intensity.measure_of(name)
-    if name == "sa":
-        return intensity.sa(period, damping)
-    return intensity.sa_average(period, damping)
 
 
 threshold = partial(
