@@ -19,7 +19,7 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, shown_when_asked
+from tdint_cli.options.grammar import HelpAsData, flag, general, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
 GROUPS = {
@@ -141,16 +141,8 @@ def _version(_: click.Context) -> str:
 
 @click.group(
     cls=LazyGroup,
-    params=general(),
+    params=[*general(), flag(["--version"], shown_when_asked(_version), "Show the version and exit.")],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-@click.option(
-    "--version",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=shown_when_asked(_version),
-    help="Show the version and exit.",
 )
 def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.

@@ -102,8 +102,7 @@ def command(
 
     for subject in sound:
         note(*(f"{subject.model.source}: {text}" for text in as_meant(subject.model)))
-        for text in subject.warnings:
-            warn(f"{subject.model.source}: {text}")
+        warn(*(f"{subject.model.source}: {text}" for text in subject.warnings))
     if sound:
         emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
     if failures:

@@ -214,8 +214,7 @@ def _write(
         }
         summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
-    if files:
-        write_files(files, overwrite=request.overwrite)
+    write_files(files, overwrite=request.overwrite)
 
 
 def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array) -> bytes:

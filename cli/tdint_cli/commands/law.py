@@ -90,12 +90,11 @@ def command(request: Request) -> None:
     from tdint.model.config.model_file import load_model
 
     each = request.cycles or 1
-    if request.path is None:
-        building = load_model(request.model)
+    imposed = None if request.path is None else read_drift_path(request.path)
+    building = load_model(request.model)
+    if imposed is None:
         test = cyclic_test(building, request.story, request.drifts or (), cycles=each, points=request.points or _POINTS)
     else:
-        imposed = read_drift_path(request.path)
-        building = load_model(request.model)
         test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
     outputs = request.outputs.else_in(building.output_units)
     shown = outputs.shown_units

@@ -241,8 +241,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
         if request.report:
             more[Path(request.report)] = profiles.report(plan)
-        if more:
-            write_files(more, overwrite=request.overwrite)
+        write_files(more, overwrite=request.overwrite)
         unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])

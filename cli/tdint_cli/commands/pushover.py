@@ -72,19 +72,18 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
         return
     from tdint.analysis.target_displacement import target_displacements
 
-    reached = target_displacements(result, target)
-    of_building = tables.buildings.target_building_table(tuple(reached)).in_units(units)
+    reached = tuple(target_displacements(result, target))
+    of_building = tables.buildings.target_building_table(reached).in_units(units)
     outputs.deliver(
-        tables.buildings.target_table(tuple(reached)),
-        lambda: figures.comparison.target_picture(tuple(reached), units),
+        tables.buildings.target_table(reached),
+        lambda: figures.comparison.target_picture(reached, units),
         lambda: of_building.as_summary("targets"),
-        lambda: _page(result, tuple(reached), outputs),
+        lambda: _page(result, reached, outputs),
     )
     say(_words(result, units))
     for made in reached:
         say(_reached(made, units))
-    for text in (note for made in reached for note in made.notes):
-        warn(text)
+    warn(*(note for made in reached for note in made.notes))
 
 
 def _page(result: Pushover, reached: Sequence[TargetDisplacement], outputs: Outputs) -> bytes:

@@ -175,8 +175,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
-    if contents:
-        write_files(contents, overwrite=request.overwrite)
+    write_files(contents, overwrite=request.overwrite)
 
 
 def _without_header(csv: bytes) -> bytes:

@@ -447,21 +447,20 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
             own_values = {part.name: given.pop(part.name) for part in fields(kind)}
             return command(**given, **{among: kind(**own_values)})
 
-        return with_options(_OPTIONS[kind], collected)
+        return together(*_OPTIONS[kind])(collected)
 
     return declared
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
-    """Options that several commands have, in their order, as one declaration."""
-    return lambda command: with_options(declarations, command)
+    """Options, in their order, as one declaration."""
 
+    def declared(command: Function) -> Function:
+        for declaration in reversed(declarations):
+            command = declaration(command)
+        return command
 
-def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:
-    """The command with options, in their order."""
-    for declared in reversed(tuple(declarations)):
-        command = declared(command)
-    return command
+    return declared
 
 
 def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
@@ -532,7 +531,7 @@ class Command(HelpAsData):
         self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
     ) -> None:
         text = "Show all options, and what the command does in detail, and exit."
-        all_help = _general(["--help-all"], shown_when_asked(self.all_help), text)
+        all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
         super().__init__(name, **settings)
         self.examples = examples
@@ -688,13 +687,11 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
         if is_asked:
             setattr(ctx.ensure_object(Settings), field, True)
 
-    return _general(names, switch, text)
+    return flag(names, switch, text)
 
 
-def _general(
-    names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
-) -> HeadedOption:
-    """A flag that every command has, whose value nobody gets."""
+def flag(names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str) -> HeadedOption:
+    """A flag of all commands, or of none, whose value nobody gets."""
     return HeadedOption(
         names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=callback, help=text
     )

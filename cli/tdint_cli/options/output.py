@@ -15,7 +15,7 @@ import click
 
 from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
-from tdint.files import STDIN, keep_input
+from tdint.files import STDIN, check_outputs, is_folder, keep_input, write_files
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
@@ -56,12 +56,12 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
         return None
     value = refuse_empty(context, parameter, value)
     # What names a folder may end in any way; a file says by its suffix what is written.
-    is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
-    if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
+    to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
+    if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
         raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
-    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not is_folder:
+    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
         warn(f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE")
-    if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
+    if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
             f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
@@ -76,8 +76,6 @@ def is_parquet(file: str | Path) -> bool:
 
 def is_folder_name(value: str) -> bool:
     """Whether -o names a folder: one that is there, or is named with a / at its end."""
-    from tdint.files import is_folder
-
     return value.endswith(("/", os.sep)) or is_folder(value)
 
 
@@ -203,8 +201,6 @@ class Outputs:
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
-        from tdint.files import check_outputs
-
         table = Path(output) if output else None
         if table and is_parquet(table):
             from tdint.output.tables.table import PARQUET
@@ -243,7 +239,6 @@ class Outputs:
     ) -> None:
         """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that is more than the
         command line, what was read and what the columns mean, `page` that of --report."""
-        from tdint.files import write_files
         from tdint.output import figures
 
         assert draw or not self.picture, "a command without a drawing declares no --plot"
@@ -263,8 +258,7 @@ class Outputs:
         # The table goes to standard output before the files: a reader of a pipe need not wait for a picture.
         if not self.table:
             emit_table(table)
-        if files:
-            write_files(files, overwrite=self.overwrite)
+        write_files(files, overwrite=self.overwrite)
 
 
 def to_files(
@@ -290,7 +284,7 @@ def to_files(
         plots = () if picture is None else (plot(picture),)
         pages = (report,) if page else ()
         declarations = (output(text=text), *plots, *pages, *more, *((units,) if in_units else ()), overwrite)
-        return grammar.with_options(declarations, cast(Function, collected))
+        return grammar.together(*declarations)(cast(Function, collected))
 
     return declared
 
