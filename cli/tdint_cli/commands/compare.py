@@ -85,11 +85,8 @@ class Request:
         help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
         "method's error is not seen.",
     )
-    damping: float = options.spectra.option(
-        needs="-o or --plot",
-        type=options.analysis.damping_ratio,
-        default=0.05,
-        help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
+    damping: float = options.analysis.damping_of(
+        "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
     )
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(PERIODS, needs="-o or --plot")
     output: str | None = options.output.output(
@@ -232,7 +229,7 @@ def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | Non
         faults = [fault for item in comparisons for fault in unmet(item, required)]
         asked = ", ".join(f"{name} {value:g}" for name, value in required)
         verdict = [(not faults, f"Required of every floor: {asked}. {'; '.join(faults) or 'Met'}.")]
-    said = [text for item in comparisons for text in (_driven(item, units),)]
+    said = [_driven(item, units) for item in comparisons]
     warnings = [
         text
         for item in comparisons

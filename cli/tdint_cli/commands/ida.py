@@ -204,10 +204,11 @@ def command(request: IdaRequest) -> None:
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
             mainshock=mainshock,
         )
+    shown = study.in_units(units)
     if folder is None:
-        emit_table(tables.studies.capacity_table(study.in_units(units)))
-    _write(request, study, settings, units, [str(error) for error in suite.failures])
-    _report(study.in_units(units), request.precision)
+        emit_table(tables.studies.capacity_table(shown))
+    _write(request, study, shown, settings, units, [str(error) for error in suite.failures])
+    _report(shown, request.precision)
     if suite.failures:
         raise Failures(suite.failures)
 
@@ -242,14 +243,16 @@ def _folder(request: IdaRequest) -> Path | None:
     return folder
 
 
-def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
+def _write(
+    request: IdaRequest, study: IdaStudy, shown: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]
+) -> None:
+    """Write the files of the study, its tables and the picture as they are shown."""
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
     from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
     files: dict[Path, Content] = {}
-    shown = study.in_units(units)
     if request.output:
         written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
         for name, table in written.items():
@@ -271,9 +274,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
-        files[picture] = figures.style.picture(
-            picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))
-        )
+        files[picture] = figures.style.picture(picture.suffix, lambda: figures.collapse.ida_picture(shown))
     # Without a folder there is no store that knows what it has written.
     if not request.output:
         write_files(files, overwrite=request.overwrite)

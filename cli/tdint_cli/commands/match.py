@@ -12,7 +12,6 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
@@ -53,9 +52,7 @@ class MatchRequest(RecordsRequest):
     range: tuple[float, float] = options.option(
         type=span, default="0.05:4", help="Periods over which it is matched, s; 0.05:4 by default."
     )
-    damping: float = options.option(
-        type=damping_ratio, default=0.05, rare=True, help="Damping ratio of the spectra; 0.05 (or 5%) by default."
-    )
+    damping: float = options.analysis.damping_of("the spectra", rare=True)
     format: str = options.option(
         type=click.Choice(FORMATS),
         default=FORMATS[0],

@@ -48,6 +48,12 @@ method_name = Name(_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 
+def damping_of(what: str, **settings: Any) -> grammar.Declaration:
+    """The option --damping with a single ratio, of what it is."""
+    told = f"Damping ratio of {what}; 0.05 (or 5%) by default."
+    return grammar.option("--damping", type=damping_ratio, default=0.05, help=told, **settings)
+
+
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
     if files:
         from tdint.files import note_input

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.analysis import damping_of
 from tdint_cli.options.grammar import FileName, ListOf, PairsType, PairWish, Ratio
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
@@ -49,14 +49,7 @@ def pairs(text: str) -> grammar.Declaration:
 
 def damping(needs: str) -> grammar.Declaration:
     """The option --damping, of the measures that it `needs`."""
-    return option(
-        "--damping",
-        type=damping_ratio,
-        default=0.05,
-        needs=needs,
-        rare=True,
-        help="Damping ratio of Sa; 0.05 (or 5%) by default.",
-    )
+    return damping_of("Sa", heading=grammar.INTENSITY, needs=needs, rare=True)
 
 
 threshold = partial(
