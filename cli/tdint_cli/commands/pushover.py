@@ -58,6 +58,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
+    of_page = outputs.units or loaded.page_units
     outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
@@ -66,7 +67,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
         outputs.deliver(
             tables.buildings.pushover_table(result),
             lambda: figures.comparison.pushover_picture(result, units),
-            page=lambda: _page(result, (), outputs),
+            page=lambda: _page(result, (), of_page),
         )
         say(_words(result, units))
         return
@@ -78,7 +79,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
         tables.buildings.target_table(reached),
         lambda: figures.comparison.target_picture(reached, units),
         lambda: of_building.as_summary("targets"),
-        lambda: _page(result, reached, outputs),
+        lambda: _page(result, reached, of_page),
     )
     say(_words(result, units))
     for made in reached:
@@ -86,13 +87,12 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
     warn(*(note for made in reached for note in made.notes))
 
 
-def _page(result: Pushover, reached: Sequence[TargetDisplacement], outputs: Outputs) -> bytes:
+def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
     """The page of --report: what is refused of a target displacement is its verdict."""
     from tdint.output.page import Told, page_units
     from tdint.output.report import pushover_page
     from tdint.output.summary import files_read
 
-    units = outputs.page_units(result.model)
     shown = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
     for made in reached:

@@ -24,7 +24,6 @@ from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
     from tdint.files import Content
-    from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
@@ -220,11 +219,6 @@ class Outputs:
     def shown_units(self) -> OutputUnits:
         """The units of all that is written."""
         return self.units or SI
-
-    def page_units(self, model: Model) -> OutputUnits:
-        """The units of the page: those that the command line names, or the model's."""
-        context = click.get_current_context()
-        return cast("OutputUnits | None", context.params.get("output_units")) or model.page_units
 
     def else_in(self, units: OutputUnits) -> Outputs:
         """The same, in these units if the command line names none."""
