@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
 
 option = partial(grammar.option, heading=grammar.RECORD)
+_rare = partial(option, rare=True)
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,9 @@ def _units() -> list[str]:
 
 records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
 records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
-record = option(
+record = _rare(
     "--record",
     type=FileName(),
-    rare=True,
     help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
@@ -88,10 +88,9 @@ component = option(
     metavar="NAME",
     help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
 )
-inventory = option(
+inventory = _rare(
     "--inventory",
     type=FileName(),
-    rare=True,
     help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
     "the samples are.",
 )
@@ -100,57 +99,51 @@ scale = _factor(type=ListOf(Nonzero(), once=False))
 one_scale = _factor(type=Nonzero(), needs="RECORD")
 
 _LAYOUT = (
-    option(
+    _rare(
         "--step",
         type=Number(0.0, min_open=True),
         metavar="SECONDS",
-        rare=True,
         help="Sampling interval of a text table that does not tell it; a file that does must agree.",
     ),
-    option(
+    _rare(
         "--column",
         type=ListOf(click.STRING),
         metavar="N|NAME,...",
-        rare=True,
         help="Columns of a text table, by number, counted from 1, or name; by default those whose names are those of "
         "accelerations, else all but the time.",
     ),
-    option(
+    _rare(
         "--skip-lines",
         type=click.IntRange(0, 1_000_000),
         metavar="N",
-        rare=True,
         help="Pass over so many lines at the beginning of a text table.",
     ),
 )
 
 _PROCESSING = (
-    option(
+    _rare(
         "--trim",
         metavar="START:END",
-        rare=True,
         help="Keep this part of the record, seconds from its first sample; an end may be left out.",
     ),
-    option(
+    _rare(
         "--baseline",
         type=click.Choice(["constant", "linear"]),
-        rare=True,
         help="Remove the mean, or the least-squares line, of the acceleration.",
     ),
-    option("--pad", metavar="SECONDS|BEFORE:AFTER", rare=True, help="Add zeros before and after the record."),
+    _rare("--pad", metavar="SECONDS|BEFORE:AFTER", help="Add zeros before and after the record."),
     option(
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
         help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
     ),
-    option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", rare=True, help="The same from the other side."),
-    option("--corners", type=click.IntRange(1, 10), metavar="N", rare=True, help="Order of the filters; 4 by default."),
-    option(
+    _rare("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
+    _rare("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    _rare(
         "--resample",
         type=Number(0.0, min_open=True),
         metavar="DT",
-        rare=True,
         help="Change the sampling interval, s: band-limited, with a filter against aliasing if it becomes longer.",
     ),
 )
