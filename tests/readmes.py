@@ -164,7 +164,7 @@ def command_list():
     """A line per command, in the groups of the help."""
     parts = []
     for group, commands in GROUPS.items():
-        lines = [f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, (_, says) in commands.items()]
+        lines = [f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, says in commands.items()]
         parts.append("\n".join([f"**{group}**", "", *lines, ""]))
     return "\n".join(parts)
 

@@ -54,7 +54,6 @@ class _DriftLimit(Ratio):
 LIMIT = options.analysis.option(
     type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
     metavar="2%",
-    common=True,
     help="Say whether the mean of the motions' largest drift ratios stays within this in every story; a line of the "
     "picture, too.",
 )
@@ -62,10 +61,7 @@ LIMIT = options.analysis.option(
 
 
 REQUIRE = options.analysis.option(
-    is_flag=True,
-    needs="--limit",
-    common=True,
-    help="End with exit code 5 unless it does, all runs are done, and none collapsed.",
+    is_flag=True, needs="--limit", help="End with exit code 5 unless it does, all runs are done, and none collapsed."
 )
 """The option --require, behind it."""
 

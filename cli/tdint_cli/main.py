@@ -19,62 +19,52 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, general, shown_when_asked, write_options
+from tdint_cli.options.grammar import HelpAsData, flag, general, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
 GROUPS = {
     "Buildings": {
-        "init": ("init", "A first model of a building, with comments, that runs as it is."),
-        "check": ("check", "What is wrong with model files, all at once, or what they are."),
-        "run": ("run", "Response of a building in time: the peaks of each story."),
-        "modes": ("modes", "Periods, damping ratios, modal masses and shapes of a building."),
-        "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
-        "pushover": ("pushover", "Base shear of a building over its roof displacement, pushed slowly."),
-        "compare": ("compare", "A building's result beside what was recorded in it."),
-        "inventory": ("inventory", "Shear buildings by rules from a table of buildings."),
+        "init": "A first model of a building, with comments, that runs as it is.",
+        "check": "What is wrong with model files, all at once, or what they are.",
+        "run": "Response of a building in time: the peaks of each story.",
+        "modes": "Periods, damping ratios, modal masses and shapes of a building.",
+        "law": "Cyclic test of one story: its force over imposed cycles of drift.",
+        "pushover": "Base shear of a building over its roof displacement, pushed slowly.",
+        "compare": "A building's result beside what was recorded in it.",
+        "inventory": "Shear buildings by rules from a table of buildings.",
     },
     "Ground motions": {
-        "info": ("info", "What ground-motion records are and how strong."),
-        "spectrum": (
-            "spectrum",
-            "Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.",
-        ),
-        "drift-spectrum": (
-            "drift_spectrum",
-            "Drift spectra: the largest story drifts of shear buildings.",
-        ),
-        "match": ("match", "Ground motions whose spectra are a target's, by the least change."),
+        "info": "What ground-motion records are and how strong.",
+        "spectrum": "Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.",
+        "drift-spectrum": "Drift spectra: the largest story drifts of shear buildings.",
+        "match": "Ground motions whose spectra are a target's, by the least change.",
     },
     "Studies": {
-        "campaign": ("campaign", "Runs of many buildings under many records at many levels."),
-        "scale": ("scale", "Factors that scale ground motions to a value or to a target spectrum."),
-        "ida": ("ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
-        "sensitivity": ("sensitivity", "How much each parameter of a building moves its peaks."),
-        "fragility": ("fragility", "Fragility functions: the probability of exceedance over intensity."),
+        "campaign": "Runs of many buildings under many records at many levels.",
+        "scale": "Factors that scale ground motions to a value or to a target spectrum.",
+        "ida": "Incremental dynamic analysis: drift over intensity, up to collapse.",
+        "sensitivity": "How much each parameter of a building moves its peaks.",
+        "fragility": "Fragility functions: the probability of exceedance over intensity.",
     },
     "Methods": {
-        "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
-        "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
-        "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
-        "stability": (
-            "stability",
-            "Spectral radius, period error and numerical damping of methods over dt/T.",
-        ),
-        "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
-        "order": ("order", "Observed order of methods, from their errors over halved steps."),
-        "examples": ("examples", "Examples of the paper that proposed impulse: errors of methods, and its figures."),
+        "chart": "Time against accuracy: what methods cost and how much they err on a building.",
+        "methods": "The time-integration methods: parameters, order, stability, source.",
+        "failures": "Which methods fail on hard problems with known answers, and how.",
+        "stability": "Spectral radius, period error and numerical damping of methods over dt/T.",
+        "overshoot": "First steps of methods under a large step, and how they grow with it.",
+        "order": "Observed order of methods, from their errors over halved steps.",
+        "examples": "Examples of the paper that proposed impulse: errors of methods, and its figures.",
     },
     "Housekeeping": {
-        "compile": ("compile", "Compile time loops ahead of their first use."),
-        "validate": ("validate", "Published and exact results beside those of this installation."),
-        "rerun": ("rerun", "What the JSON file beside a table says, done again and compared."),
+        "compile": "Compile time loops ahead of their first use.",
+        "validate": "Published and exact results beside those of this installation.",
+        "rerun": "What the JSON file beside a table says, done again and compared.",
     },
 }
-"""The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its
-own help."""
+"""The commands in the groups and the order of the help: of each the first sentence of its own help."""
 
-COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
-"""The commands of all groups."""
+COMMANDS = {name: (name.replace("-", "_"), sentence) for group in GROUPS.values() for name, sentence in group.items()}
+"""The commands of all groups: of each its module in `commands`, and the sentence."""
 
 
 class LazyGroup(HelpAsData, click.Group):
@@ -106,10 +96,10 @@ class LazyGroup(HelpAsData, click.Group):
         width = max(map(len, COMMANDS))
         for heading, commands in GROUPS.items():
             with formatter.section(heading):
-                formatter.write_dl([(name.ljust(width), sentence) for name, (_, sentence) in commands.items()])
+                formatter.write_dl([(name.ljust(width), sentence) for name, sentence in commands.items()])
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        write_options(self.get_params(ctx), ctx, formatter)
+        super().format_options(ctx, formatter)
         self.format_commands(ctx, formatter)
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
@@ -151,16 +141,8 @@ def _version(_: click.Context) -> str:
 
 @click.group(
     cls=LazyGroup,
-    params=general(),
+    params=[*general(), flag(["--version"], shown_when_asked(_version), "Show the version and exit.")],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-@click.option(
-    "--version",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=shown_when_asked(_version),
-    help="Show the version and exit.",
 )
 def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.

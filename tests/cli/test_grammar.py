@@ -213,7 +213,7 @@ def a_value(parameter: click.Option) -> list[str]:
     kind = getattr(parameter.type, "item", parameter.type)
     if isinstance(kind, click.Choice):
         return [kind.choices[0]]
-    written = parameter.metavar or ""
+    written = parameter.metavar or parameter.type.name
     return ["0.3:3:9" if "FIRST:LAST" in written else "1:2" if "LOW:HIGH" in written else "1"]
 
 

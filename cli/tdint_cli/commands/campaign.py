@@ -25,7 +25,7 @@ from tdint_cli.campaigns import (
     set_looks,
 )
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Mode, Written, refuse_idle
+from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
 
 
@@ -41,30 +41,29 @@ class CampaignRequest(SuiteRequest):
     )
     jobs: int | None = options.output.threads("Threads; one for each processor")
     shard: str | None = options.option(
-        metavar="K/N", common=True, help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
+        metavar="K/N", help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
     )
     max_runs: int | None = options.option(
-        type=click.IntRange(1), metavar="N", common=True, help="Stop after about N runs; call again to go on."
+        type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on."
     )
     dask: str | None = options.option(
         metavar="ADDRESS",
+        rare=True,
         help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
     )
     tls_ca: str | None = options.option(
-        type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
+        type=FileName(), needs="--dask", rare=True, help="Certificate of the authority, for tls:// (PEM)."
     )
-    tls_cert: str | None = options.option(
-        type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM)."
-    )
-    tls_key: str | None = options.option(type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
+    tls_cert: str | None = options.option(type=FileName(), needs="--dask", rare=True, help="Our certificate (PEM).")
+    tls_key: str | None = options.option(type=FileName(), needs="--dask", rare=True, help="Its key (PEM).")
     partial: bool = options.option(
-        is_flag=True, help="With merge: accept that runs are in none of the folders, and say how many."
+        rare=True, help="With merge: accept that runs are in none of the folders, and say how many."
     )
     simcenter: bool = options.output.option(
-        is_flag=True, help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1)."
+        rare=True, help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1)."
     )
     geojson: bool = options.output.option(
-        is_flag=True,
+        rare=True,
         help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
         "demands, for maps.",
     )
@@ -78,6 +77,7 @@ class CampaignRequest(SuiteRequest):
         needs="--report",
         type=Written("head", parse_head),
         metavar="TEXT",
+        rare=True,
         help="Lines at the top of the page, in place of `report` of the models: 'Project: Bridge 7; Author: A. B.'.",
     )
     output_units: OutputUnits | None = options.output.units
@@ -86,18 +86,17 @@ class CampaignRequest(SuiteRequest):
     require: bool = REQUIRE
     baseline: str | None = options.analysis.option(
         metavar="NAME",
-        common=True,
         help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the "
         "ratios of the largest of all stories.",
     )
     by: str | None = options.output.option(
         metavar="COLUMN",
+        rare=True,
         help="Losses also by what stands in this column of the inventory, such as district: a column of losses.csv.",
     )
     im: tuple[str, ...] | None = options.studies.option(
-        many=True,
-        type=click.STRING,
-        metavar="NAME,...",
+        type=ListOf(Name()),
+        rare=True,
         help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
         "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
         "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",

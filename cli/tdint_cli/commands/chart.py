@@ -16,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import FileName, Mode, Number, Ratio, refuse_idle
+from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, Number, Ratio, refuse_idle
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
@@ -24,7 +24,7 @@ from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.profiles import FieldProblem
-    from tdint.analysis.chart.work_precision import Chart, Point, Timing
+    from tdint.analysis.chart.work_precision import Chart, Peer, Point, Timing
     from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
     from tdint.model.definition import Model
@@ -55,16 +55,13 @@ class Request(options.record.RecordRequest):
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1, type=FileName())
     records: tuple[str, ...] = options.option(
         "--record",
-        common=True,
         heading=options.grammar.RECORD,
         type=FileName(),
         multiple=True,
-        metavar="FILE",
         help="Ground motion in place of the model's; nothing that the model says of its own applies to it. Several: "
         "each building under each of them.",
     )
     problems: str | None = options.option(
-        common=True,
         type=FileName(),
         metavar="standard|FILE",
         help="In place of models many problems: the standard ones, twelve buildings under three records each, or those "
@@ -73,68 +70,52 @@ class Request(options.record.RecordRequest):
     methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
         "--dt",
-        type=Number(0.0, MOST_SECONDS, min_open=True),
-        many=True,
+        type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
         metavar="SECONDS,...",
-        common=True,
         help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
         "model's dt.",
     )
     halvings: int | None = options.analysis.option(
-        type=click.IntRange(0, 16),
-        metavar="COUNT",
-        common=True,
+        type=Count(0, 16),
         help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps "
         "between; fewer times for very large buildings.",
     )
     stories: tuple[int, ...] | None = options.analysis.option(
-        type=click.IntRange(1, MOST_STORIES),
-        many=True,
+        type=ListOf(click.IntRange(1, MOST_STORIES)),
         metavar="COUNT,...",
-        common=True,
         help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
         "step unless --dt or --halvings is given.",
     )
     duration: float | None = options.analysis.duration
     peers: bool = options.option(
-        is_flag=True,
-        common=True,
-        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes."
     )
-    repeat: int = options.option(
-        type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default."
-    )
+    repeat: int = options.option(type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default.")
     tolerances: tuple[float, ...] | None = options.analysis.option(
         "--tolerance",
-        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
-        many=True,
-        metavar="RATIO,...",
-        common=True,
+        type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
         help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps that `tdint run "
         "--tolerance` chooses for these errors of the peak drifts.",
     )
     target: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
-        common=True,
         help="The error that is drawn and, for one building, for which methods are recommended; peak-drift by default.",
     )
     versus: str = options.option(
         needs="--plot",
         type=click.Choice(["time", "steps", "solves", "dt"]),
         default="time",
-        common=True,
         help="Draw time (default), steps or solves over error, or error over dt.",
     )
     highlight: str = options.option(
         needs="--plot",
         default="",
-        common=True,
         metavar="NAME",
         help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
     )
     cache: bool = options.option(
-        "--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not."
+        "--cache/--no-cache", default=True, rare=True, help="Keep the reference for the next time (default) or not."
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
@@ -224,12 +205,11 @@ def command(request: Request) -> None:
     if advice:
         _recommend(request, charts[0], advice)
     note(*notes)
-    _tell_timing([chart.timing for chart in charts])
-    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in charts[0].peers))
+    _tell_timing([chart.timing for chart in charts], charts[0].peers)
 
 
-def _tell_timing(timings: Sequence[Timing]) -> None:
-    """How the marches were timed, and whether that was disturbed."""
+def _tell_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
+    """How the marches were timed, whether that was disturbed, and which other programs took part."""
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
@@ -239,6 +219,7 @@ def _tell_timing(timings: Sequence[Timing]) -> None:
             f"the marches took {worst.stretch:.3g} times their processor time on the wall: other work had the "
             "processors, and what shares their caches slows the marches, too; time them again on a quiet machine"
         )
+    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in programs))
 
 
 def _check(request: Request) -> BuildingRequest:
@@ -299,8 +280,7 @@ def _chart_many(request: Request) -> None:
         f"{leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails least): {leaders.safest}."
     )
     note(*notes)
-    _tell_timing([chart.timing])
-    note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers))
+    _tell_timing([chart.timing], chart.peers)
 
 
 def _problems(request: Request) -> list[FieldProblem]:
@@ -412,20 +392,17 @@ def _deliver(
 ) -> None:
     from tdint.output.summary import chart_summary
 
-    name, target = model.name, request.target
+    looks: dict[str, Any] = {"name": model.name, "target": request.target, "highlight": request.highlight}
     table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])
 
     def draw() -> Figure:
         if request.stories:
-            return figures.assessment.sizes_picture(charts, name=name, target=target, highlight=request.highlight)
-        return figures.assessment.chart_picture(
-            charts[0], name=name, target=target, versus=request.versus, highlight=request.highlight
-        )
+            return figures.assessment.sizes_picture(charts, **looks)
+        return figures.assessment.chart_picture(charts[0], versus=request.versus, **looks)
 
     def summarize() -> dict[str, Any]:
-        return chart_summary(
-            charts, model=model, record=record, target=target, advice=advice, notes=notes, meanings=table.meanings
-        )
+        told: dict[str, Any] = {"target": request.target, "advice": advice, "notes": notes}
+        return chart_summary(charts, model=model, record=record, meanings=table.meanings, **told)
 
     request.outputs.deliver(table, draw, summarize)
 

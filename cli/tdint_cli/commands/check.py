@@ -40,7 +40,6 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     flag_value="model",
     type=click.Choice(["model", "campaign"]),
     metavar="[model|campaign]",
-    common=True,
     help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
     "complete a file with it.",
 )
@@ -103,8 +102,7 @@ def command(
 
     for subject in sound:
         note(*(f"{subject.model.source}: {text}" for text in as_meant(subject.model)))
-        for text in subject.warnings:
-            warn(f"{subject.model.source}: {text}")
+        warn(*(f"{subject.model.source}: {text}" for text in subject.warnings))
     if sound:
         emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
     if failures:

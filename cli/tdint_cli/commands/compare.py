@@ -13,10 +13,10 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures
-from tdint.written_numbers import how_many
+from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Written
+from tdint_cli.options.grammar import FileName, ListOf, Written
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 
@@ -57,33 +57,23 @@ class Request:
     recorded: str = options.option(
         type=FileName(),
         required=True,
-        metavar="FILE",
-        common=True,
         help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, "
         "shift.",
     )
     fit: tuple[str, ...] | None = options.option(
-        type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
-        many=True,
+        type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
         metavar="stiffness|stiffness-factor,damping",
-        common=True,
         help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor "
         "can tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
         "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
     )
     blind: tuple[str, ...] | None = options.option(
         needs="--fit",
-        type=FileName(),
-        many=True,
-        metavar="FILE,...",
-        common=True,
+        type=ListOf(FileName()),
         help="Compare other recordings, too, with the fitted values; adds the column recorded.",
     )
     require: tuple[tuple[str, float], ...] | None = options.option(
-        type=Written("requirement", _requirement),
-        many=True,
-        metavar="NAME=NUMBER,...",
-        common=True,
+        type=ListOf(Written("NAME=NUMBER", _requirement)),
         help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this "
         "and its inverse, or an rms_difference of at most this.",
     )
@@ -91,16 +81,12 @@ class Request:
     dt: float | None = options.analysis.option(
         type=float,
         metavar="SECONDS",
+        rare=True,
         help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
         "method's error is not seen.",
     )
-    damping: float = options.spectra.option(
-        needs="-o or --plot",
-        type=options.analysis.damping_ratio,
-        default=0.05,
-        metavar="RATIO",
-        common=True,
-        help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
+    damping: float = options.analysis.damping_of(
+        "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
     )
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(PERIODS, needs="-o or --plot")
     output: str | None = options.output.output(
@@ -225,8 +211,7 @@ def _write(
         }
         summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
-    if files:
-        write_files(files, overwrite=request.overwrite)
+    write_files(files, overwrite=request.overwrite)
 
 
 def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array) -> bytes:
@@ -244,7 +229,7 @@ def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | Non
         faults = [fault for item in comparisons for fault in unmet(item, required)]
         asked = ", ".join(f"{name} {value:g}" for name, value in required)
         verdict = [(not faults, f"Required of every floor: {asked}. {'; '.join(faults) or 'Met'}.")]
-    said = [text for item in comparisons for text in (_driven(item, units),)]
+    said = [_driven(item, units) for item in comparisons]
     warnings = [
         text
         for item in comparisons
@@ -279,8 +264,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
         changes = [f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}" for item in values]
-        more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
-        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {', '.join(changes[:_FEW])}{more}.")
+        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _FEW)}.")
     note(*dict.fromkeys(text for item in comparisons for text in (*item.event.notes, *item.response.notes)))
     note(*(fitted.notes if fitted else ()))

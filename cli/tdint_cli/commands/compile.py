@@ -10,7 +10,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import ListOf, Mode, refuse_idle
 from tdint_cli.terminal import emit, progress_bar, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
@@ -28,25 +28,19 @@ class Request:
     """The command line of `tdint compile`."""
 
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1)
-    everything: bool = options.option(
-        "--all", is_flag=True, common=True, help="Compile all that there is, for any building."
-    )
+    everything: bool = options.option("--all", help="Compile all that there is, for any building.")
     targets: tuple[str, ...] | None = options.option(
         "--target",
-        many=True,
-        type=click.Choice(TARGETS),
+        type=ListOf(click.Choice(TARGETS)),
         metavar="NAME,...",
-        common=True,
         help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another "
         f"system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
     show: bool = options.option(
-        is_flag=True,
-        common=True,
-        help="Tell for each loop which object is used and whether it came in a wheel; compile nothing.",
+        help="Tell for each loop which object is used and whether it came in a wheel; compile nothing."
     )
-    clean: bool = options.option(is_flag=True, common=True, help="Remove all compiled loops from the user's cache.")
+    clean: bool = options.option(help="Remove all compiled loops from the user's cache.")
     output: str | None = options.output.output(
         "DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.", tables=False
     )

@@ -28,34 +28,32 @@ _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 class DriftRequest(TablesRequest):
     """The command line of `tdint drift-spectrum`."""
 
+    DEFAULT_PERIODS = DRIFT_PERIODS
+
     damping: tuple[float, ...] = options.spectra.damping()
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
     stories: int | None = options.spectra.option(
-        type=click.IntRange(1), metavar="N", common=True, help="Number of stories, the same at all periods and heights."
+        type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
     )
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),
         metavar="METERS",
-        common=True,
         help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
         f"{STORY_HEIGHT:g} by default.",
     )
     height_period: str = options.spectra.option(
         metavar="A,B",
         default=_HEIGHT_PERIOD,
-        common=True,
         help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
         "default.",
     )
     beam: bool = options.spectra.option(
-        is_flag=True,
-        common=True,
-        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
+        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum)."
     )
 
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """As those of all spectra, with the story height that is taken where none is given."""
-        settings = super().settings(default_periods)
+        settings = super().settings()
         if not self.beam and self.stories is None:
             settings["story_height"] = self.story_height or STORY_HEIGHT
         return settings
@@ -90,9 +88,6 @@ def command(request: DriftRequest) -> None:
 class _DriftSpectra(Kind):
     """Drift spectra of each component with each damping ratio."""
 
-    command = "drift-spectrum"
-    default_periods = DRIFT_PERIODS
-
     def check(self, request: DriftRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         if request.stories is not None and request.story_height is not None:
@@ -101,7 +96,7 @@ class _DriftSpectra(Kind):
             raise UsageError("--beam has no stories: leave out --stories and --story-height")
         from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
-        heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))
+        heights = parse_height_period(request.height_period).height(request.chosen_periods())
         if not request.beam:
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
@@ -112,7 +107,7 @@ class _DriftSpectra(Kind):
         results = [
             drift_spectrum(
                 record,
-                request.chosen_periods(DRIFT_PERIODS),
+                request.chosen_periods(),
                 damping,
                 stories=request.stories,
                 story_height=request.story_height or STORY_HEIGHT,

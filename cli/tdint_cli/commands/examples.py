@@ -16,7 +16,7 @@ from tdint.units import SI
 from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import Number
+from tdint_cli.options.grammar import ListOf, Number
 from tdint_cli.terminal import note, say, say_table
 
 if TYPE_CHECKING:
@@ -52,16 +52,13 @@ class Request:
     methods: tuple[str, ...] = options.analysis.methods("the paper's seven")
     dts: tuple[float, ...] | None = options.analysis.option(
         "--dt",
-        type=Number(1e-3, 0.1),
-        many=True,
+        type=ListOf(Number(1e-3, 0.1)),
         metavar="SECONDS,...",
-        common=True,
         help="Time steps; the paper's 0.02 if there is none. The figures show the first one.",
     )
     reference: str = options.analysis.option(
         type=click.Choice(["paper", "finer"]),
         default="paper",
-        common=True,
         help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s (examples 1, 2) or 0.002 s "
         "(3), by default, or rk5 with steps 8 times finer. The table has the errors against both.",
     )
@@ -71,14 +68,11 @@ class Request:
         needs="-o",
         type=click.Choice(["png", "pdf", "svg"]),
         default="png",
-        common=True,
         help="Of the figures; png by default.",
     )
     all_figures: bool = options.output.option(
         "--figures",
         needs="-o",
-        is_flag=True,
-        common=True,
         help="Draw all sixteen figures: those of stability, accuracy and order (1 to 6) and the buildings of examples "
         "2 and 3 (9, 13), too.",
     )

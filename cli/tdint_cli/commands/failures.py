@@ -6,7 +6,7 @@ from collections import Counter
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Name
+from tdint_cli.options.grammar import ListOf, Name
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
@@ -27,10 +27,7 @@ def _problems() -> list[str]:
 @options.option(
     "--problem",
     "problems",
-    type=Name(_problems),
-    many=True,
-    metavar="NAME,...",
-    common=True,
+    type=ListOf(Name(_problems)),
     help="Problems to take: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
     "none.",

@@ -14,7 +14,7 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Mode, Number, refuse_idle, span
+from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Number, refuse_idle, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
@@ -39,17 +39,13 @@ _OF_OPENQUAKE = (
         "--openquake",
         type=FileName(written=True),
         metavar="FILE.xml",
-        common=True,
         help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those "
         "of types under their names; of types with losses also FILE-vulnerability.xml, for its scenario_risk.",
     ),
     options.output.option(
         "--states",
-        type=click.STRING,
-        many=True,
+        type=ListOf(Name()),
         needs="--openquake",
-        metavar="NAME,...",
-        common=True,
         help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
     ),
 )
@@ -65,7 +61,6 @@ class Request:
     table: str = options.argument("TABLE.csv|DIR", type=FileName())
     fit: str | None = options.option(
         type=click.Choice(_FITS),
-        common=True,
         help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
         "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
     )
@@ -74,22 +69,16 @@ class Request:
     )
     by: str | None = options.option(
         type=click.Choice(["type", "building"]),
-        common=True,
         help="A function for each type (class) of buildings of a campaign, or for each building, and each of its "
         "damage states: DIR is the folder of a campaign with `damage`; of buildings --threshold may be given instead.",
     )
     edp_range: tuple[float, float] | None = options.option(
         type=span,
-        metavar="LOW:HIGH",
-        common=True,
         help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be "
         "left out.",
     )
     im: tuple[str, ...] | None = options.option(
-        many=True,
-        type=click.STRING,
-        metavar="NAME,...",
-        common=True,
+        type=ListOf(Name()),
         help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign "
         "--im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both components. Several are compared, by "
         "how well they tell the largest drift: another table.",
@@ -98,6 +87,7 @@ class Request:
         needs="--im",
         type=FileName(),
         metavar="FILE.csv",
+        rare=True,
         help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves "
         "should not depend. Runs under one motion count as alike, or those of one event with a column `event`.",
     )
@@ -105,6 +95,7 @@ class Request:
         type=Number(0.0, 10.0),
         default=0.0,
         metavar="BETA",
+        rare=True,
         help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
         "root of the sum of squares.",
     )

@@ -17,7 +17,7 @@ from tdint.units import GROUND_MOTION
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, Name, PairWish, Ratio, intensity, period
+from tdint_cli.options.grammar import FileName, ListOf, Name, PairWish, Ratio, intensity, period
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -57,16 +57,12 @@ class IdaRequest(RecordsRequest):
     im: str = options.studies.option(
         type=_Measure(_measures),
         default="sa",
-        metavar="NAME",
-        common=True,
         help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
         "period, Arias intensity or CAV.",
     )
     period: float | None = options.studies.option(
         needs="--im sa or sa-avg",
         type=period,
-        metavar="T1|SECONDS",
-        common=True,
         help="Period of sa and sa-avg; by default T1, the first one of the building.",
     )
     pairs: PairWish | None = options.studies.pairs(
@@ -75,21 +71,17 @@ class IdaRequest(RecordsRequest):
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
         type=intensity("acceleration", "velocity", "displacement"),
-        metavar="VALUE",
-        common=True,
         help="The largest intensity, with its unit (3g): capacities above it are censored.",
     )
     precision: float = options.analysis.option(
         type=Ratio(0.0, 0.5, min_open=True),
         default=0.05,
         metavar="5%",
-        common=True,
         help="Bracket of the capacity against collapse; 5% by default.",
     )
     collapse_drift: float | None = options.analysis.option(
         type=Ratio(0.0, min_open=True),
         metavar="10%",
-        common=True,
         help="Drift ratio over which the building has collapsed; by default the model's.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
@@ -100,14 +92,15 @@ class IdaRequest(RecordsRequest):
         needs="--damage",
         type=FileName(),
         metavar="MAIN",
+        rare=True,
         help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, "
         "which finds it at rest.",
     )
     damage: tuple[float, ...] | None = options.option(
         needs="--after",
-        type=Ratio(0.0, min_open=True),
-        many=True,
+        type=ListOf(Ratio(0.0, min_open=True)),
         metavar="2%,...",
+        rare=True,
         help="Drift ratios to which the mainshock is scaled; a study for each.",
     )
     method: str | None = options.analysis.method
@@ -115,8 +108,7 @@ class IdaRequest(RecordsRequest):
     duration: float | None = options.analysis.duration
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
-        is_flag=True,
-        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
+        rare=True, help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them."
     )
     output: str | None = options.output.output(
         "DIR",
@@ -165,6 +157,7 @@ def command(request: IdaRequest) -> None:
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
     from tdint.campaign.ida_curve import Mainshock
+    from tdint.campaign.intensity import SPECTRAL, measure_at
     from tdint.ground_motion.measures import cut_off
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
@@ -173,9 +166,9 @@ def command(request: IdaRequest) -> None:
     model = load_model(request.model)
     units = request.output_units or model.output_units
     # The intensity measure: a spectral one at a period, the building's first by default
-    spectral = request.im in ("sa", "sa-avg")
-    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
-    measure = options.studies.measure(request.im, period, request.damping)
+    is_spectral = request.im in SPECTRAL
+    period = (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
+    measure = measure_at(request.im, request.damping, period)
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
         raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")
@@ -211,10 +204,11 @@ def command(request: IdaRequest) -> None:
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
             mainshock=mainshock,
         )
+    shown = study.in_units(units)
     if folder is None:
-        emit_table(tables.studies.capacity_table(study.in_units(units)))
-    _write(request, study, settings, units, [str(error) for error in suite.failures])
-    _report(study.in_units(units), request.precision)
+        emit_table(tables.studies.capacity_table(shown))
+    _write(request, study, shown, settings, units, [str(error) for error in suite.failures])
+    _report(shown, request.precision)
     if suite.failures:
         raise Failures(suite.failures)
 
@@ -249,14 +243,16 @@ def _folder(request: IdaRequest) -> Path | None:
     return folder
 
 
-def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
+def _write(
+    request: IdaRequest, study: IdaStudy, shown: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]
+) -> None:
+    """Write the files of the study, its tables and the picture as they are shown."""
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
     from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
     files: dict[Path, Content] = {}
-    shown = study.in_units(units)
     if request.output:
         written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
         for name, table in written.items():
@@ -278,9 +274,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
-        files[picture] = figures.style.picture(
-            picture.suffix, lambda: figures.collapse.ida_picture(study.in_units(units))
-        )
+        files[picture] = figures.style.picture(picture.suffix, lambda: figures.collapse.ida_picture(shown))
     # Without a folder there is no store that knows what it has written.
     if not request.output:
         write_files(files, overwrite=request.overwrite)

@@ -73,9 +73,7 @@ _MSEED, _CSV = ".mseed", ".csv"
 _EXPORT = options.output.option(
     "--export",
     type=FileName(written=True),
-    metavar="FILE",
     callback=options.output.refuse_empty,
-    common=True,
     help="Also write the motions as they are after all that is done, to this .mseed or .csv file; acceleration, "
     "velocity and displacement: all components as MiniSEED in SI units, or one as CSV; what they are and what was done "
     "stands in a JSON file beside.",

@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Mode, Name, Written, refuse_idle
+from tdint_cli.options.grammar import Count, FileName, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
@@ -69,22 +69,15 @@ class Request:
 
     file: str = options.argument("[FILE]", default=FILE, type=FileName(written=True))
     stories: int = options.option(
-        type=click.IntRange(1, _MOST_STORIES),
-        default=_STORIES,
-        metavar="COUNT",
-        common=True,
-        help=f"Stories; {_STORIES} by default.",
+        type=Count(1, _MOST_STORIES), default=_STORIES, help=f"Stories; {_STORIES} by default."
     )
     period: float | None = options.option(
         type=click.FloatRange(0.0, 100.0, min_open=True),
         metavar="SECONDS",
-        common=True,
         help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
     )
     weights: tuple[float, ...] | None = options.option(
-        type=Written("weights", _weights),
-        metavar="WEIGHT,...",
-        common=True,
+        type=Written("weight,...", _weights),
         help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
         "stiffnesses such that the first mode is a straight line with --period.",
     )
@@ -92,7 +85,6 @@ class Request:
         type=FileName(),
         needs="--weights",
         metavar="CURVES.csv",
-        common=True,
         help="Fit the law of each story to its curve in this CSV file, with the columns story, drift_m and shear_N (or "
         "in other units); says the misfit.",
     )
@@ -100,37 +92,31 @@ class Request:
         needs="--from-pushover",
         type=click.Choice(["bilinear", "trilinear", "multilinear"]),
         default="bilinear",
-        common=True,
         help="What is fitted; bilinear by default. A multilinear one has four points and may fall; none of them "
         "pinches.",
     )
     motion: str | None = options.option(
         metavar="NAME:PARAMETERS",
-        common=True,
         help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
         "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (m/s).",
     )
     structure: str | None = options.option(
         "--type",
         type=Name(_structures),
-        metavar="NAME",
-        common=True,
         help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
     )
     year: int | None = options.option(
-        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", common=True, help="Its year of construction."
+        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", help="Its year of construction."
     )
     area: float | None = options.option(
         needs="--type",
         type=click.FloatRange(0.0, min_open=True),
         metavar="AREA",
-        common=True,
         help="The area of one floor, in m^2, of --units us in ft^2.",
     )
     units: str = options.option(
         type=click.Choice(["si", "us"]),
         default="si",
-        common=True,
         help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by default.",
     )
     overwrite: bool = options.output.overwrite

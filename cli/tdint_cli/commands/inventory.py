@@ -32,7 +32,6 @@ _MODELS = options.output.option(
     "--models",
     type=FileName(folder=True, written=True),
     metavar="DIR",
-    common=True,
     help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
 )
 
@@ -47,24 +46,20 @@ class Request:
     units: str = options.option(
         type=click.Choice(["ft", "m"]),
         required=True,
-        common=True,
         help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
     )
     rules: str = options.option(
-        type=click.Choice(RULES), default=RULES[0], common=True, help="Rules of the buildings; mdof-lu by default."
+        type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
     )
     classes: str | None = options.option(
         type=FileName(),
         needs="--rules capacity",
-        metavar="FILE",
-        common=True,
         help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, "
         "and, if they are wanted, soft_story and degradation (true or false).",
     )
     damping: str = options.option(
         type=click.Choice(["full", "mass-only"]),
         default="full",
-        common=True,
         help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
     )
 

@@ -11,7 +11,7 @@ from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Mode, drift_size, refuse_idle
+from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, drift_size, refuse_idle
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
@@ -37,39 +37,24 @@ class Request:
         type=click.IntRange(min=1),
         default=1,
         metavar="NUMBER",
-        common=True,
         help="The story to test, counted from the ground; 1 by default.",
     )
     drifts: tuple[DriftSize, ...] | None = options.option(
         "--drift",
-        type=drift_size,
-        many=True,
-        once=False,
-        metavar="DRIFT,...",
-        common=True,
+        type=ListOf(drift_size, once=False),
         help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, "
         "in, ft), or multiples of the yield drift (4dy).",
     )
-    cycles: int | None = options.option(
-        type=click.IntRange(min=1), metavar="COUNT", common=True, help="Cycles of each amplitude; 1 by default."
-    )
-    points: int | None = options.option(
-        type=click.IntRange(min=1),
-        metavar="COUNT",
-        common=True,
-        help="Points of each quarter of a cycle; 200 by default.",
-    )
+    cycles: int | None = options.option(type=Count(min=1), help="Cycles of each amplitude; 1 by default.")
+    points: int | None = options.option(type=Count(min=1), help="Points of each quarter of a cycle; 200 by default.")
     path: str | None = options.option(
         type=FileName(),
-        metavar="FILE",
-        common=True,
         help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
         "standard input.",
     )
     units: str | None = options.option(
         needs="--path",
         type=click.Choice(["m", "dy"]),
-        common=True,
         help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
     )
 
@@ -105,12 +90,11 @@ def command(request: Request) -> None:
     from tdint.model.config.model_file import load_model
 
     each = request.cycles or 1
-    if request.path is None:
-        building = load_model(request.model)
+    imposed = None if request.path is None else read_drift_path(request.path)
+    building = load_model(request.model)
+    if imposed is None:
         test = cyclic_test(building, request.story, request.drifts or (), cycles=each, points=request.points or _POINTS)
     else:
-        imposed = read_drift_path(request.path)
-        building = load_model(request.model)
         test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
     outputs = request.outputs.else_in(building.output_units)
     shown = outputs.shown_units

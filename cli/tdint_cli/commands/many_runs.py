@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from tdint.errors import UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import tables
@@ -29,7 +27,7 @@ from tdint_cli.campaigns import (
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio
+from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.terminal import Failures, note, say
@@ -75,19 +73,18 @@ class Request(BuildingRequest, SuiteRequest):
     records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
     factors: str | None = options.record.option(
         type=FileName(),
-        metavar="FILE",
+        rare=True,
         help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
     )
     sequence: bool = options.record.option(
-        is_flag=True,
-        common=True,
         help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
-        "and over all. --scale takes one factor for all, or one for each.",
+        "and over all. --scale takes one factor for all, or one for each."
     )
     rest: float | None = options.record.option(
         needs="--sequence",
         type=Number(0.0),
         metavar="SECONDS",
+        rare=True,
         help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
     )
     method: str | None = options.analysis.method
@@ -101,15 +98,14 @@ class Request(BuildingRequest, SuiteRequest):
         type=FileName(written=True),
         metavar="[FILE]",
         callback=options.output.refuse_empty,
-        common=True,
         help=f"Also write every floor and story and the energies at every step: to this file (.csv, .csv.gz), or alone "
         f"as {HISTORY} into the folder of -o.",
     )
     every: int = options.output.option(
         needs="--history",
-        type=click.IntRange(1),
+        type=Count(1),
         default=1,
-        metavar="COUNT",
+        rare=True,
         help="Every so many steps of --history, from the first one; every step by default.",
     )
     export_floors: str | None = options.spectra.export_floors
@@ -124,20 +120,18 @@ class Request(BuildingRequest, SuiteRequest):
     check: bool | None = options.analysis.option(
         "--check/--no-check",
         default=None,
-        common=True,
         help="Columns <name>_error with estimated errors, by one more run of impulse4 with half of the step. One run "
         "has them unless --no-check leaves them out; --check also in --history, and of several runs.",
     )
     tolerance: float | None = options.analysis.option(
         type=Ratio(0.0, 1.0, min_open=True, max_open=True),
         metavar="1%",
-        common=True,
         help="Take the largest step with which the estimated error of every peak drift is within this part of it: "
         "from four sampling intervals of the record, or from --dt, down to a 256th.",
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
-    allow_unstable: bool = options.analysis.option(is_flag=True, help="Run a method beyond its largest stable step.")
+    allow_unstable: bool = options.analysis.option(rare=True, help="Run a method beyond its largest stable step.")
     jobs: int | None = options.output.threads("Threads for several records or scales; one for each processor")
 
     def check_sequence(self) -> None:
@@ -247,8 +241,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
         if request.report:
             more[Path(request.report)] = profiles.report(plan)
-        if more:
-            write_files(more, overwrite=request.overwrite)
+        write_files(more, overwrite=request.overwrite)
         unmet = profiles.tell()
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])

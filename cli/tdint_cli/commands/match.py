@@ -12,7 +12,6 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
@@ -48,36 +47,26 @@ class MatchRequest(RecordsRequest):
     target: str = options.option(
         required=True,
         metavar="SPECTRUM",
-        common=True,
         help="The spectrum to match: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
     )
     range: tuple[float, float] = options.option(
-        type=span,
-        default="0.05:4",
-        metavar="LOW:HIGH",
-        common=True,
-        help="Periods over which it is matched, s; 0.05:4 by default.",
+        type=span, default="0.05:4", help="Periods over which it is matched, s; 0.05:4 by default."
     )
-    damping: float = options.option(
-        type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of the spectra; 0.05 (or 5%) by default."
-    )
+    damping: float = options.analysis.damping_of("the spectra", rare=True)
     format: str = options.option(
         type=click.Choice(FORMATS),
         default=FORMATS[0],
-        common=True,
         help="Of the motions: mseed (MiniSEED, by default), at2 (PEER, in g) or csv.",
     )
     pairs: PairWish | None = options.option(
         type=PairsType((PAIR,)),
         metavar=f"{PAIR}[,NAMES]",
-        common=True,
         help="Change the two horizontal components of a motion together until their RotD100 is the target. Files of a "
         "pair are named alike but for the component, or as NAMES says: '{}_a.txt,{}_b.txt'.",
     )
     suite: str = options.option(
         type=click.Choice(SUITES),
         default=SUITES[0],
-        common=True,
         help="each (by default): all motions to the target. mean: their mean to it, each to its own scaled spectrum "
         "times target over mean, so that their scatter is kept.",
     )
@@ -85,10 +74,9 @@ class MatchRequest(RecordsRequest):
         type=Ratio(0.0, 1.0, min_open=True),
         metavar="5%",
         default="5%",
-        common=True,
         help="The largest misfit that is not warned of; 5% by default.",
     )
-    require: bool = options.option(is_flag=True, common=True, help="Exit with 5 where a misfit stays above --within.")
+    require: bool = options.option(help="Exit with 5 where a misfit stays above --within.")
     plot: str | None = options.output.plot(
         f"Also draw spectra and histories of the first motion beside its scaled seed: to this file, or as {PICTURE} "
         "into the folder."

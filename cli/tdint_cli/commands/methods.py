@@ -15,8 +15,8 @@ from tdint_cli import options
 )
 @click.argument("names", nargs=-1, type=options.analysis.method_name, metavar="[SPEC]...")
 @options.analysis.plugin
-@options.option("--references", is_flag=True, common=True, help="A row for each publication of each method, in full.")
-@options.option("--bibtex", is_flag=True, common=True, help="The publications as BibTeX, in place of the table.")
+@options.option("--references", is_flag=True, help="A row for each publication of each method, in full.")
+@options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
 def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     """The time-integration methods: parameters, order, stability, source.
 

@@ -31,7 +31,6 @@ MODES = (_OF_BUILDING := Mode("without --target", frozenset({"shapes"})), _PEAKS
 @options.option(
     "--shapes",
     type=click.Choice(["roof", "participation"]),
-    common=True,
     help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
     "(the sum over all modes is 1 at each floor then).",
 )
@@ -57,11 +56,11 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     from tdint.model.config.model_file import load_model
 
     loaded = load_model(model)
-    outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     if target is not None:
         _peaks(loaded, target, outputs)
         return
+    outputs = outputs.else_in(loaded.output_units)
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
@@ -80,6 +79,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     from tdint.analysis.spectra.modal import modal_response
     from tdint.model.building import assemble
 
+    of_page, outputs = outputs.units or model.page_units, outputs.else_in(model.output_units)
     result, units = modal_response(model, target), outputs.shown_units
     warnings = []
     for count, text in (
@@ -99,9 +99,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         from tdint.output.report import modal_page
         from tdint.output.summary import files_read
 
-        shown = outputs.page_units(model)
-        said = [_peak_words(result, page_units(shown)), f"{noted[0].upper()}{noted[1:]}."]
-        return modal_page(result, Told(said, warnings, model.page_head, files_read()), shown)
+        said = [_peak_words(result, page_units(of_page)), f"{noted[0].upper()}{noted[1:]}."]
+        return modal_page(result, Told(said, warnings, model.page_head, files_read()), of_page)
 
     modes = tables.buildings.modal_share_table(result).in_units(units)
     outputs.deliver(

@@ -11,7 +11,7 @@ from tdint.errors import AnalysisError, TdintError
 from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
-from tdint_cli.options.grammar import grid
+from tdint_cli.options.grammar import Count, grid
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note
 
@@ -32,14 +32,12 @@ _RATIOS = Grid(0.2, 5.0, 15)
     "--load",
     type=click.Choice(["free", "harmonic", "record"]),
     default="harmonic",
-    common=True,
     help="Free vibration, a harmonic force (default), or a ground motion that is linear between its samples.",
 )
 @options.option(
     "--law",
     type=click.Choice(["linear", "polynomial"]),
     default="linear",
-    common=True,
     help="Restoring force over stiffness: u (default), or u + u^3 / 2.",
 )
 @options.option(
@@ -47,17 +45,14 @@ _RATIOS = Grid(0.2, 5.0, 15)
     needs="--load harmonic",
     type=grid(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
     metavar="FIRST:LAST:COUNT",
-    common=True,
     help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends included, or a single "
     f"ratio; {_RATIOS} by default.",
 )
 @options.option(
     "--stride",
     needs="--load record",
-    type=click.IntRange(1, 1024),
+    type=Count(1, 1024),
     default=1,
-    metavar="COUNT",
-    common=True,
     help="Samples of the record in the coarsest step, a power of 2: 1 by default, so that no step is longer than a "
     "sampling interval.",
 )

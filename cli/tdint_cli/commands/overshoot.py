@@ -9,7 +9,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Number
+from tdint_cli.options.grammar import Count, Number
 from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
@@ -28,20 +28,12 @@ class Request(options.analysis.OscillatorRequest):
         type=Number(*options.analysis.DT_OVER_T),
         default=10.0,
         metavar="RATIO",
-        common=True,
         help="Step over the undamped period; 10 by default.",
     )
-    steps: int = options.analysis.option(
-        type=click.IntRange(1, _MOST_STEPS),
-        default=10,
-        metavar="COUNT",
-        common=True,
-        help="Steps to take; 10 by default.",
-    )
+    steps: int = options.analysis.option(type=Count(1, _MOST_STEPS), default=10, help="Steps to take; 10 by default.")
     law: str = options.analysis.option(
         type=click.Choice(["linear", "hardening", "softening"]),
         default="linear",
-        common=True,
         help="Restoring force: linear (default), or that of the problem of this name in `tdint failures`.",
     )
 

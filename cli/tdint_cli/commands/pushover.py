@@ -10,7 +10,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import drift_size
+from tdint_cli.options.grammar import Count, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 
@@ -32,25 +32,15 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     "--pattern",
     type=click.Choice(PATTERNS),
     default=PATTERNS[0],
-    common=True,
     help="Forces on the floors: the masses times the first mode (by default), times 1, or times the height.",
 )
 @options.option(
     "--drift",
     type=drift_size,
     default="4%",
-    metavar="DRIFT",
-    common=True,
     help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
 )
-@options.option(
-    "--points",
-    type=click.IntRange(1, 100_000),
-    default=200,
-    metavar="COUNT",
-    common=True,
-    help="Steps of the roof displacement; 200 by default.",
-)
+@options.option("--points", type=Count(1, 100_000), default=200, help="Steps of the roof displacement; 200 by default.")
 @options.studies.target("The displacement to which a design spectrum pushes the building, in place of the curve")
 @options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs) -> None:
@@ -68,6 +58,7 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
+    of_page = outputs.units or loaded.page_units
     outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
@@ -76,34 +67,32 @@ def command(model: str, pattern: str, drift: DriftSize, points: int, target: str
         outputs.deliver(
             tables.buildings.pushover_table(result),
             lambda: figures.comparison.pushover_picture(result, units),
-            page=lambda: _page(result, (), outputs),
+            page=lambda: _page(result, (), of_page),
         )
         say(_words(result, units))
         return
     from tdint.analysis.target_displacement import target_displacements
 
-    reached = target_displacements(result, target)
-    of_building = tables.buildings.target_building_table(tuple(reached)).in_units(units)
+    reached = tuple(target_displacements(result, target))
+    of_building = tables.buildings.target_building_table(reached).in_units(units)
     outputs.deliver(
-        tables.buildings.target_table(tuple(reached)),
-        lambda: figures.comparison.target_picture(tuple(reached), units),
+        tables.buildings.target_table(reached),
+        lambda: figures.comparison.target_picture(reached, units),
         lambda: of_building.as_summary("targets"),
-        lambda: _page(result, tuple(reached), outputs),
+        lambda: _page(result, reached, of_page),
     )
     say(_words(result, units))
     for made in reached:
         say(_reached(made, units))
-    for text in (note for made in reached for note in made.notes):
-        warn(text)
+    warn(*(note for made in reached for note in made.notes))
 
 
-def _page(result: Pushover, reached: Sequence[TargetDisplacement], outputs: Outputs) -> bytes:
+def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
     """The page of --report: what is refused of a target displacement is its verdict."""
     from tdint.output.page import Told, page_units
     from tdint.output.report import pushover_page
     from tdint.output.summary import files_read
 
-    units = outputs.page_units(result.model)
     shown = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
     for made in reached:

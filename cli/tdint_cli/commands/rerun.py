@@ -43,13 +43,9 @@ class Request:
     """The command line of `tdint rerun`."""
 
     file: str = options.argument("FILE.json|DIR", type=FileName())
-    changed: bool = options.option(
-        is_flag=True, common=True, help="Also with inputs that are not those of then; they are named."
-    )
+    changed: bool = options.option(help="Also with inputs that are not those of then; they are named.")
     trust: bool = options.option(
-        is_flag=True,
-        common=True,
-        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first.",
+        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first."
     )
     output: str | None = options.output.output(
         "DIR",
@@ -200,7 +196,8 @@ class _Told:
         if not content:
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
         command, given = _parsed(file, content.get("arguments"))
-        arguments, named = content["arguments"], _to_tables(command)
+        arguments = content["arguments"]
+        named = next((item for item in command.params if isinstance(item.type, FileName) and item.type.tables), None)
         if named is None:
             raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
         output = given.get("output")
@@ -276,11 +273,6 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     parser = command.make_parser(click.Context(command, info_name=arguments[at], resilient_parsing=True))
     given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
     return command, given
-
-
-def _to_tables(command: click.Command) -> click.Parameter | None:
-    """The option of a command that says where its tables go; None of one that has other work."""
-    return next((item for item in command.params if isinstance(item.type, FileName) and item.type.tables), None)
 
 
 def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:

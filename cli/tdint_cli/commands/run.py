@@ -167,8 +167,9 @@ def _run(request: Request) -> None:
         _write(request, {}, content)
         raise
     judged = _judged(response, request.limit)
-    emit_table(_stories(request, response))
-    _write(request, *_files(request, response, case, inputs, began))
+    stories = tables.responses.response_table(response).in_units(request.units_shown)
+    emit_table(stories)
+    _write(request, *_files(request, response, stories, case, inputs, began))
     say(_paragraph(response, request.units_shown))
     if judged:
         say(judged[1])
@@ -233,13 +234,8 @@ def _check_room(request: Request, stories: int, steps: int) -> None:
         check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
 
 
-def _stories(request: Request, response: Response) -> Table:
-    """The table of stories, in the units asked for."""
-    return tables.responses.response_table(response).in_units(request.units_shown)
-
-
 def _files(
-    request: Request, response: Response, case: Case, inputs: list[Input], began: float
+    request: Request, response: Response, stories: Table, case: Case, inputs: list[Input], began: float
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
     """The files of a run but its summary and what writes them, and what the summary tells."""
     from tdint.analysis.spectra.elastic import first_mode
@@ -249,7 +245,7 @@ def _files(
     units = request.units_shown
     files: dict[Path, Content] = {}
     if request.output:
-        files[Path(request.output) / STORIES] = _stories(request, response).csv()
+        files[Path(request.output) / STORIES] = stories.csv()
     _check_room(request, len(response.model.stories), response.steps)
     if (file := request.history_file) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.

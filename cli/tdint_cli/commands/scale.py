@@ -11,9 +11,9 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
-from tdint.written_numbers import how_many
+from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Number, PairWish, intensity, span, span_at
+from tdint_cli.options.grammar import Count, FileName, ListOf, Number, PairWish, intensity, span, span_at
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits, Units
     from tdint.written_numbers import Grid
 
-_VALUES = ("sa", "sa_avg", "pga", "pgv", "arias", "cav")
+_VALUES = ("sa", "sa-avg", "pga", "pgv", "arias", "cav")
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 _ACCELERATION = intensity("acceleration")
@@ -44,15 +44,12 @@ class ScaleRequest(RecordsRequest):
     range: Grid | None = options.option(
         needs="--target",
         type=span_at(100),
-        metavar="FIRST:LAST",
-        common=True,
         help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all "
         "of the target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
     )
     rule: str | None = options.option(
         needs="--target",
         type=click.Choice(_RULES),
-        common=True,
         help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the "
         "average of the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: "
         "the mean spectrum is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN "
@@ -60,77 +57,67 @@ class ScaleRequest(RecordsRequest):
     )
     building: tuple[str, ...] | None = options.option(
         needs="--target",
-        many=True,
-        type=FileName(),
+        type=ListOf(FileName()),
         metavar="MODEL.yaml,...",
-        common=True,
         help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
         "shortest to the longest.",
     )
     max_factor: float | None = options.option(
         type=Number(0.0, min_open=True),
         metavar="FACTOR",
-        common=True,
         help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
     )
     select: int | None = options.option(
         needs="--target",
-        type=click.IntRange(1),
-        metavar="COUNT",
-        common=True,
+        type=Count(1),
         help="Choose so many, whose scaled spectra fit the target together; --rule acts on them.",
     )
     factors: tuple[float, float] | None = options.option(
         needs="--select",
         type=span,
-        metavar="LOW:HIGH",
+        rare=True,
         help="The least and the largest factor of --select, 0.25:4 by default; a motion that needs a farther one has "
         "the limit.",
     )
     per_event: int | None = options.option(
         needs="--select",
-        type=click.IntRange(1),
-        metavar="COUNT",
+        type=Count(1),
+        rare=True,
         help="At most so many motions of one earthquake: by --events, or motions that begin within ten minutes.",
     )
     events: str | None = options.option(
         needs="--per-event",
         type=FileName(),
-        metavar="FILE",
+        rare=True,
         help="The earthquake of each record: a CSV file with the columns record (the file's name) and event.",
     )
     scatter: str | None = options.option(
         needs="--select",
         metavar="0.35|FILE",
+        rare=True,
         help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the columns period_s and "
         "scatter.",
     )
-    sa: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this Sa at the period --at: 0.6g."
-    )
+    sa: Units | None = options.option(type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g.")
     sa_avg: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at."
+        type=_ACCELERATION, rare=True, help="Scale to this Sa_avg about the period --at."
     )
     at: float | None = options.option(
-        type=Number(0.0, min_open=True), metavar="SECONDS", common=True, help="Period of --sa and --sa-avg."
+        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
     )
-    pga: Units | None = options.option(
-        type=_ACCELERATION, metavar="VALUE", common=True, help="Scale to this peak ground acceleration: 0.4g."
-    )
+    pga: Units | None = options.option(type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g.")
     pgv: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s."
+        type=intensity("velocity"), rare=True, help="Scale to this peak velocity: 40cm/s."
     )
     arias: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s."
+        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity: 2m/s."
     )
     cav: Units | None = options.option(
-        type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+        type=intensity("velocity"), rare=True, help="Scale to this cumulative absolute velocity: 9m/s."
     )
     p695: bool = options.option(
-        is_flag=True,
-        common=True,
         help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
-        "median Sa of all components.",
+        "median Sa of all components."
     )
     pairs: PairWish | None = options.studies.pairs(
         "Take the two horizontal components of a motion together, with one factor, by this measure of both."
@@ -140,9 +127,10 @@ class ScaleRequest(RecordsRequest):
     @property
     def value(self) -> tuple[str, float] | None:
         """The measure that a value is given of, and the value in SI units."""
-        given = [(name, value.scale) for name in _VALUES if (value := getattr(self, name)) is not None]
+        values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
+        given = [(name, value.scale) for name, value in values.items() if value is not None]
         if len(given) > 1:
-            names = " and ".join(f"--{name.replace('_', '-')}" for name, _ in given)
+            names = " and ".join(f"--{name}" for name, _ in given)
             raise UsageError(f"{names} are given; a motion is scaled to one value")
         return given[0] if given else None
 
@@ -154,23 +142,21 @@ class ScaleRequest(RecordsRequest):
         UsageError
             What to scale to is not said, or said twice; an option that has no part in it.
         """
-        value = self.value
-        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695 or None)) if given]
-        if value and not self.p695:
-            aims.append(f"--{value[0].replace('_', '-')}")
+        measure = self.value[0] if self.value else ""
+        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695)) if given]
+        if measure and not self.p695:
+            aims.append(f"--{measure}")
         if len(aims) != 1:
             aim = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
             raise UsageError(
                 f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --arias, --cav, --p695"
             )
-        if self.p695 and value and value[0] != "sa":
+        if self.p695 and measure not in ("", "sa"):
             raise UsageError("--p695 is scaled on by --sa with --at")
-        needs_period = value is not None and value[0].startswith("sa")
         by_period = self.rule in _BY_PERIOD and self.range is None
-        takes_period = needs_period or by_period
-        if needs_period and self.at is None:
-            raise UsageError(f"--{value[0].replace('_', '-') if value else ''} needs a period: add --at SECONDS")
-        if self.at is not None and not takes_period:
+        if measure.startswith("sa") and self.at is None:
+            raise UsageError(f"--{measure} needs a period: add --at SECONDS")
+        if self.at is not None and not (measure.startswith("sa") or by_period):
             raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range")
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
@@ -200,9 +186,7 @@ _SPECTRA = options.output.option(
     "--spectra",
     needs="--target",
     type=FileName(written=True),
-    metavar="FILE",
     callback=options.output.refuse_empty,
-    common=True,
     help="Also write the scaled spectra, their mean and the target as CSV to this file.",
 )
 
@@ -270,6 +254,7 @@ def command(request: ScaleRequest) -> None:
 def _aim(request: ScaleRequest) -> Any:
     """What scales a suite as the command line asks; the target is read and compared with the periods before."""
     from tdint.campaign import scaling
+    from tdint.campaign.intensity import measure_at
 
     value = request.value
     if request.p695:
@@ -279,7 +264,7 @@ def _aim(request: ScaleRequest) -> Any:
     if request.target is None:
         assert value is not None
         name, number = value
-        measure = options.studies.measure(name, request.at, request.damping)
+        measure = measure_at(name, request.damping, request.at or math.nan)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.analysis.spectra.target import read_target
     from tdint.written_numbers import Grid
@@ -368,8 +353,7 @@ def _doubts(scaling: Scaling) -> list[str]:
     if scaling.target is not None:
         bounds, why = BOUNDS, "the bounds of common practice"
     if beyond := scaling.beyond(*bounds):
-        named = ", ".join(f"{name} {factor:.4g}" for name, factor in beyond[:5])
-        named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
+        named = first_few([f"{name} {factor:.4g}" for name, factor in beyond], 5)
         doubts.append(f"factors beyond {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
     return doubts
 

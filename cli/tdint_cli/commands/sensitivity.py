@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import digest_of, note_input
 from tdint.output import figures
@@ -36,13 +34,22 @@ def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ..
     return ranges
 
 
-@dataclass(frozen=True)
+@options.request
 class Request(RecordsRequest):
-    """What the command line says of the records, and of what is varied."""
+    """The command line of `tdint sensitivity`."""
 
-    ranges: dict[str, tuple[float, float]]
-    method: str | None
-    dt: float | None
+    building: str
+    outputs: Outputs
+    ranges: dict[str, tuple[float, float]] = options.option(
+        "--vary",
+        multiple=True,
+        callback=_ranges,
+        metavar="NAME=LOW:HIGH,...",
+        help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a "
+        "factor of one story, 'story 3.stiffness_factor'.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
 
 
 _MODEL = Mode("with a model", NAMES | {"records", "ranges", "method", "dt", "plot", "output_units"})
@@ -58,20 +65,9 @@ MODES = (_MODEL, _CAMPAIGN)
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
 @options.record.of_records_if_any
-@options.option(
-    "--vary",
-    "ranges",
-    multiple=True,
-    callback=_ranges,
-    metavar="NAME=LOW:HIGH,...",
-    common=True,
-    help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a factor "
-    "of one story, 'story 3.stiffness_factor'.",
-)
-@options.analysis.method
-@options.analysis.dt
 @options.output.to_files(picture=options.output.PICTURE)
-def command(building: str, outputs: Outputs, **given: Any) -> None:
+@options.of(Request)
+def command(request: Request) -> None:
     """How much each parameter of a building moves its peaks.
 
     MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its low and its high
@@ -81,9 +77,8 @@ def command(building: str, outputs: Outputs, **given: Any) -> None:
     With the folder of a campaign that has `vary` in place of the model, the rank correlations (Spearman) of what was
     varied with the medians of the peaks.
     """
-    request = Request(**given)
     # A campaign has done its runs: their ranks are looked at, and nothing is run.
-    if Path(building).is_dir():
+    if Path(request.building).is_dir():
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.campaign.sensitivity import rank_correlations
         from tdint.campaign.store import check_chunks, open_existing
@@ -91,19 +86,19 @@ def command(building: str, outputs: Outputs, **given: Any) -> None:
         from tdint.output.tables.table import Table
         from tdint_cli.campaigns import warn_unfinished
 
-        with open_existing(Path(building)) as store:
+        with open_existing(Path(request.building)) as store:
             check_chunks(store)
             warn_unfinished(store)
             note_input(store.name, lambda: digest_of(Path(store.name)))
             correlations = rank_correlations(store)
-        outputs.deliver(Table.of_results(CORRELATIONS, correlations))
+        request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
         return
     if not request.records or not request.ranges:
         raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
-    _one_at_a_time(building, request, outputs)
+    _one_at_a_time(request)
 
 
-def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
+def _one_at_a_time(request: Request) -> None:
     from tdint.campaign.carry_out import threads
     from tdint.campaign.definition import RecordFiles
     from tdint.campaign.inputs import read_motions
@@ -114,7 +109,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.output.tables.table import Table
     from tdint_cli.campaigns import advance_with_bar, tell_outcomes, warn_of_motions
 
-    model = load_model(building)
+    model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
     # The building as it is and with each end of each parameter: a small campaign in memory.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
@@ -126,7 +121,7 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
         tell_outcomes(store)
         of_parameters = swings(store, model.name, request.ranges)
 
-    outputs = outputs.else_in(model.output_units)
+    outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
         Table.of_results(SWINGS, of_parameters),
         lambda: figures.runs.sensitivity_picture(of_parameters, outputs.shown_units),

@@ -10,7 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from tdint.analysis.defaults import PERIODS
+import click
+
 from tdint.data import dataclass
 from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
@@ -19,7 +20,7 @@ from tdint_cli import options
 from tdint_cli.commands import spectrum_kinds as kinds
 from tdint_cli.commands.spectrum_kinds import AXES, MODES, Kind, SpectrumRequest, TablesRequest
 from tdint_cli.drawing import reading_width, table_bytes
-from tdint_cli.options.grammar import refuse_idle
+from tdint_cli.options.grammar import BESIDE, refuse_idle
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
 from tdint_cli.options.record import notes_of_components
 from tdint_cli.processes import Task, outcomes
@@ -73,7 +74,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     from tdint.ground_motion.reading.suites import records_of
 
     kind.check(request)
-    request.check_plot()
+    if request.is_folder and request.plot not in (None, BESIDE):
+        raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
     sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
     files_of = kind.gather(request, sources.files)
@@ -162,7 +164,9 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
     contents: dict[Path, bytes] = {}
     if outputs.table and outputs.summary:
         records = [record for product in products for record in product.records]
-        summary = table_summary(kind.command, request.settings(kind.default_periods), records, products[0].meanings)
+        summary = table_summary(
+            str(click.get_current_context().info_name), request.settings(), records, products[0].meanings
+        )
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
@@ -171,8 +175,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
-    if contents:
-        write_files(contents, overwrite=request.overwrite)
+    write_files(contents, overwrite=request.overwrite)
 
 
 def _without_header(csv: bytes) -> bytes:
@@ -278,7 +281,7 @@ def _write_target(request: SpectrumRequest) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     # Periods that were asked for, else the target's own; a formula has a value at 0, too.
     if request.periods is not None:
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         if min(periods) <= 0.0 and target.curve is None:
             raise UsageError("--period 0: a target given as a table has positive periods")
         target = replace(target, periods=periods, psa=target.at(periods))
@@ -293,9 +296,9 @@ def _write_target(request: SpectrumRequest) -> None:
     from tdint.output.tables.table import Table
 
     table = Table.of_results(TARGET, [target])
-
-    def summarize() -> dict[str, Any]:
-        settings = {"target": target.source, "damping": target.damping}
-        return table_summary("spectrum", settings, [], table.meanings)
-
-    outputs.deliver(table, lambda: figures.spectrum_curves.target_picture(drawn, request.shown_units), summarize)
+    settings = {"target": target.source, "damping": target.damping}
+    outputs.deliver(
+        table,
+        lambda: figures.spectrum_curves.target_picture(drawn, request.shown_units),
+        lambda: table_summary("spectrum", settings, [], table.meanings),
+    )

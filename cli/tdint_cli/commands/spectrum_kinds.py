@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
@@ -16,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.written_numbers import Grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import BESIDE, FileName, Mode, Number, Ratio, pair_names
+from tdint_cli.options.grammar import BESIDE, FileName, ListOf, Mode, Number, Ratio, pair_names
 from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import note
 
@@ -43,6 +43,7 @@ AXES = options.output.option(
     "--axes",
     needs="--plot",
     type=click.Choice(["periods", "tripartite", "adrs"]),
+    rare=True,
     help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
     "scales of the other two (tripartite), or PSA over SD (adrs).",
 )
@@ -70,10 +71,8 @@ class Results:
 
 
 class Kind(Protocol):
-    """A kind of table over the period, of a command's name and the periods that it has where none are asked for."""
+    """A kind of table over the period."""
 
-    command: str = "spectrum"
-    default_periods: str = PERIODS
     mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
@@ -101,7 +100,10 @@ class Kind(Protocol):
 
 @dataclass(frozen=True)
 class TablesRequest(RecordsRequest):
-    """What the command lines have in common that make a table over the period of each record."""
+    """What the command lines have in common that make a table over the period of each record, at `DEFAULT_PERIODS`
+    where none are asked for."""
+
+    DEFAULT_PERIODS: ClassVar[str] = PERIODS
 
     damping: tuple[float, ...]
     periods: tuple[float | Grid, ...] | None
@@ -123,19 +125,14 @@ class TablesRequest(RecordsRequest):
         """Whether -o names a folder."""
         return self.output is not None and options.output.is_folder_name(self.output)
 
-    def check_plot(self) -> None:
-        """Raise UsageError for one picture of what goes into several tables."""
-        if self.is_folder and self.plot not in (None, BESIDE):
-            raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
-
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
         settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
-        return settings | {"periods": options.spectra.periods_as_given(self.periods, default_periods)}
+        return settings | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
 
-    def chosen_periods(self, default: str) -> NDArray[np.float64]:
+    def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
-        return options.spectra.chosen_periods(self.periods, default)
+        return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 
 
 def _bandwidth(text: str) -> float:
@@ -158,60 +155,55 @@ class SpectrumRequest(TablesRequest):
     method: str | None = options.analysis.method
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),
+        rare=True,
         help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
         "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
         "Not with --method, whose steps have their own. Adds a column.",
     )
     interpolation: str | None = options.spectra.option(
         type=click.Choice(["linear", "band-limited"]),
+        rare=True,
         help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
         "frequencies above half the sampling rate (band-limited). Adds a column.",
     )
     rotd: tuple[int, ...] | None = options.spectra.option(
-        type=click.IntRange(0, 100),
-        many=True,
+        type=ListOf(click.IntRange(0, 100)),
         metavar="P,...",
-        common=True,
         help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
         "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
     )
     pairs: PairNames | None = options.spectra.option(
         needs="--rotd",
         type=pair_names,
-        metavar="NAMES",
+        rare=True,
         help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
     )
     ductility: tuple[float, ...] | None = options.spectra.option(
-        type=Number(1.0, MOST_DUCTILE),
-        many=True,
+        type=ListOf(Number(1.0, MOST_DUCTILE)),
         metavar="MU,...",
-        common=True,
         help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
         "(the largest strength if there are several).",
     )
     strength: tuple[float, ...] | None = options.spectra.option(
-        type=Ratio(0.0, min_open=True),
-        many=True,
-        metavar="RATIO,...",
-        common=True,
+        type=ListOf(Ratio(0.0, min_open=True)),
         help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
     )
     hardening: float | None = options.spectra.option(
         needs="--ductility or --strength",
         type=Ratio(0.0, 1.0, max_open=True),
-        metavar="RATIO",
+        rare=True,
         help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
         "(elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
-        type=Number(0.0, min_open=True),
-        many=True,
+        type=ListOf(Number(0.0, min_open=True)),
         metavar="SECONDS,...",
+        rare=True,
         help="With --history: the motion of elastic oscillators of these periods instead.",
     )
     history: str | None = options.spectra.option(
-        needs="--oscillator", metavar="", help="With --oscillator: a row for each sample."
+        needs="--oscillator", metavar="", rare=True, help="With --oscillator: a row for each sample."
     )
     target: str | None = options.studies.target(
         "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
@@ -219,27 +211,25 @@ class SpectrumRequest(TablesRequest):
     )
     against: str | None = options.spectra.option(
         type=FileName(),
-        metavar="FILE",
+        rare=True,
         help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
         "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
     )
     against_column: str | None = options.spectra.option(
-        needs="--against", metavar="NAME", help="Which column of the published spectrum, if it has several."
+        needs="--against", metavar="NAME", rare=True, help="Which column of the published spectrum, if it has several."
     )
     against_interpolation: str | None = options.spectra.option(
         needs="--against",
         type=click.Choice(["log-log"]),
+        rare=True,
         help="Take the published spectrum between its periods on straight lines in logarithms.",
     )
-    fourier: bool = options.spectra.option(
-        is_flag=True,
-        common=True,
-        help="Fourier amplitude spectra of the acceleration instead.",
-    )
+    fourier: bool = options.spectra.option(help="Fourier amplitude spectra of the acceleration instead.")
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
         type=grammar.Written("bandwidth", _bandwidth),
         metavar="B|none",
+        rare=True,
         help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by default.",
     )
     axes: str | None
@@ -250,10 +240,10 @@ class SpectrumRequest(TablesRequest):
         horizontals = super().read(file)
         return horizontals if self.scale is None else [record.scaled(self.scale) for record in horizontals]
 
-    def settings(self, default_periods: str) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
         if self.fourier:
-            told = super().settings(default_periods)
+            told = super().settings()
             smoothing = "none" if self.bandwidth is None else self.bandwidth
             return {name: told[name] for name in _OF_RECORDS if name in told} | {
                 "fourier": True,
@@ -262,7 +252,7 @@ class SpectrumRequest(TablesRequest):
         manner = self.manner
         # What has no part in this table is told as null, not as its default.
         yields = self.ductility or self.strength
-        return super().settings(default_periods) | {
+        return super().settings() | {
             "method": self.method or "exact",
             "hardening": self.hardening or 0.0 if yields else None,
             "maxima": manner.maxima.name,
@@ -299,9 +289,9 @@ class SpectrumRequest(TablesRequest):
         return choose_settings(self.method, self.maxima, self.interpolation)
 
     @property
-    def stated(self) -> tuple[str, ...]:
+    def stated(self) -> dict[str, Any]:
         """What was chosen by name and therefore has a column."""
-        return tuple(name for name in ("maxima", "interpolation") if getattr(self, name) is not None)
+        return {name: value for name in ("maxima", "interpolation") if (value := getattr(self, name)) is not None}
 
 
 # ---- Spectrum kinds
@@ -320,9 +310,17 @@ TARGET = Mode(
 class _OfOscillators(Kind):
     """Spectra over the periods that a command line asks for, with a remark on these."""
 
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        _ = request.manner
+        if request.aim and not request.plot:
+            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
+        if request.aim and request.axes not in (None, "periods"):
+            raise UsageError("--target is drawn over the period; leave --axes out")
+
     def remark(self, request: SpectrumRequest, interval: float) -> str:
         """What a person should know of the periods."""
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         remarks: list[str] = []
         # Periods at which the ground motion between the samples matters
         limit = STEPS_PER_PERIOD * interval
@@ -348,28 +346,13 @@ class Elastic(_OfOscillators):
 
     mode = Mode("with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"})
 
-    def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
-        _ = request.manner
-        if request.aim and not request.plot:
-            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
-        if request.aim and request.axes not in (None, "periods"):
-            raise UsageError("--target is drawn over the period; leave --axes out")
-
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectra of each component with each damping ratio."""
         from tdint.analysis.spectra.elastic import spectrum
 
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         lines = [
-            spectrum(
-                record,
-                periods,
-                damping,
-                method=request.method,
-                maxima=request.maxima,
-                interpolation=request.interpolation,
-            )
+            spectrum(record, periods, damping, method=request.method, **request.stated)
             for record in records
             for damping in request.damping
         ]
@@ -377,7 +360,7 @@ class Elastic(_OfOscillators):
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
         """A row for each spectrum and period."""
-        return tables.spectra.result_table(lines, request.stated)
+        return tables.spectra.result_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
         """A line for each spectrum."""
@@ -399,7 +382,7 @@ class Inelastic(_OfOscillators):
         """The spectra of each component with each damping ratio, and ductility or strength."""
         from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         hardening = request.hardening or 0.0
         lines: list[InelasticSpectrum] = []
         for record in records:
@@ -459,10 +442,6 @@ class Rotated(_OfOscillators):
 
     mode = Mode("with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"})
 
-    def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
-        Elastic().check(request)
-
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
         """The files of each motion: those that are named alike but for the component, in the order of the first ones.
 
@@ -483,23 +462,16 @@ class Rotated(_OfOscillators):
         from tdint.ground_motion.horizontals import find_horizontals, with_component
 
         motion = find_horizontals([with_component(record) for record in records])
-        periods = request.chosen_periods(PERIODS)
+        periods = request.chosen_periods()
         lines = [
-            rotated_spectrum(
-                motion,
-                periods,
-                damping,
-                request.rotd or (),
-                maxima=request.maxima,
-                interpolation=request.interpolation,
-            )
+            rotated_spectrum(motion, periods, damping, request.rotd or (), **request.stated)
             for damping in request.damping
         ]
         return Results(lines, (motion.first, motion.second), [f"{motion.source}: {note}" for note in motion.notes])
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
         """A row for each damping ratio and period."""
-        return tables.spectra.rotated_table(lines, request.stated)
+        return tables.spectra.rotated_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
         """A line for each percentile."""

@@ -6,7 +6,7 @@ from tdint.analysis.defaults import BETAS
 from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
-from tdint_cli.options.grammar import grid
+from tdint_cli.options.grammar import ListOf, grid
 from tdint_cli.terminal import say_table, warn
 
 _STEPS = Grid(0.001, 1000.0, 400)
@@ -19,19 +19,15 @@ class Request(options.analysis.OscillatorRequest):
     """The command line of `tdint stability`."""
 
     dt_over_t: tuple[Grid, ...] = options.analysis.option(
-        type=grid(*options.analysis.DT_OVER_T),
-        many=True,
+        type=ListOf(grid(*options.analysis.DT_OVER_T)),
         default=(_STEPS,),
         metavar="RATIO,...|FIRST:LAST:COUNT",
-        common=True,
         help="Steps over the undamped period: numbers, or a grid in equal ratios, both ends included; "
         f"{_STEPS} by default.",
     )
     beta_scan: bool = options.option(
-        is_flag=True,
-        common=True,
         help=f"Add (without --method: take) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} steps with omega "
-        f"dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
+        f"dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there."
     )
 
 

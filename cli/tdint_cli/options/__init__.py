@@ -8,7 +8,7 @@ from tdint_cli.options.grammar import argument, command, of, option, request
 if TYPE_CHECKING:
     from tdint_cli.options import analysis, output, record, spectra, studies
 
-__all__ = ["analysis", "building", "output", "record", "spectra", "studies"]
+__all__ = ["analysis", "output", "record", "spectra", "studies"]
 __all__ += ["argument", "command", "of", "option", "request"]
 
 __getattr__ = modules_on_use(__name__)

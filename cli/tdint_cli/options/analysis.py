@@ -13,7 +13,7 @@ import click
 from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Name, Ratio
+from tdint_cli.options.grammar import FileName, ListOf, Name, Ratio
 from tdint_cli.options.output import PICTURE, Outputs, to_files
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import note, warn
@@ -48,6 +48,12 @@ method_name = Name(_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 
+def damping_of(what: str, **settings: Any) -> grammar.Declaration:
+    """The option --damping with a single ratio, of what it is."""
+    told = f"Damping ratio of {what}; 0.05 (or 5%) by default."
+    return grammar.option("--damping", type=damping_ratio, default=0.05, help=told, **settings)
+
+
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
     if files:
         from tdint.files import note_input
@@ -70,6 +76,7 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
         expose_value=exposed,
         callback=_load,
         metavar="FILE.py",
+        rare=True,
         help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, or with programs for "
         "`tdint chart`, its tuple PEERS; it is executed." + text,
     )
@@ -85,7 +92,6 @@ def method_of(needs: str) -> grammar.Declaration:
         type=method_name,
         needs=needs,
         metavar="SPEC",
-        common=True,
         help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; `tdint methods` lists "
         "all.",
     )
@@ -103,7 +109,6 @@ def methods(text: str) -> grammar.Declaration:
         multiple=True,
         callback=_specifications,
         metavar="SPEC,...",
-        common=True,
         help=f"Time-integration methods with their parameters, such as newmark:beta=0.25:gamma=0.5; {text} if there is "
         "none.",
     )
@@ -127,7 +132,6 @@ dt = option(
     "--dt",
     type=float,
     metavar="SECONDS",
-    common=True,
     help="Time step; by default the model's, else the record's sampling interval. Under a record it is a whole part "
     "or a whole multiple of that interval.",
 )
@@ -135,13 +139,13 @@ duration = option(
     "--duration",
     type=float,
     metavar="SECONDS",
+    rare=True,
     help="Time to integrate; by default the model's, else the record's.",
 )
 
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    common=True,
     help="Go on after the record with the ground at rest until the building is, too: residual drifts are at rest then.",
 )
 
@@ -167,13 +171,9 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
         heading=grammar.OUTPUT,
         needs="--plot",
         is_flag=True,
+        rare=True,
         help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
     )
-
-
-def drawn(results: Sequence[Result], names: Sequence[str]) -> list[Result]:
-    """Those of the results that are of methods of these names."""
-    return [result for result in results if result.method.partition(":")[0] in names]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,18 +187,17 @@ class OscillatorRequest:
 
     def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
         """What the picture has: all that was asked for, else those of these names."""
-        return results if self.draw_all or self.methods else drawn(results, names)
+        if self.draw_all or self.methods:
+            return results
+        return [result for result in results if result.method.partition(":")[0] in names]
 
 
 def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
     """The options of an `OscillatorRequest`; pictures have these methods where none is named."""
     damping = option(
         "--damping",
-        type=Ratio(0.0),
-        many=True,
+        type=ListOf(Ratio(0.0)),
         default=(0.0,),
-        metavar="RATIO,...",
-        common=True,
         help="Damping ratios of the oscillator, also of 1 and more; 0 by default.",
     )
     files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)

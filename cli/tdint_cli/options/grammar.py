@@ -83,12 +83,32 @@ class Nonzero(Number):
         return number
 
 
-class ListOf(ValueType):
-    """Values of one type with commas between them."""
+class Count(click.IntRange):
+    """A whole number in a range, how many there are of something."""
 
-    def __init__(self, member: ValueType) -> None:
+    def get_metavar(self, *_: Any, **__: Any) -> str:
+        """What the help calls it."""
+        return "COUNT"
+
+
+class ListOf(ValueType):
+    """Values of one type with commas between them.
+
+    An option of this type may be repeated; the command gets all of them, each once (or, without `once`, as they are),
+    as a tuple, or None if there is none.
+    """
+
+    def __init__(self, member: ValueType, once: bool = True) -> None:
         self.item = member
-        self.name = member.name
+        self.name = f"{member.name},..."
+        self.once = once
+
+    def joined(
+        self, _: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]
+    ) -> tuple[Any, ...] | None:
+        """The callback of an option of this type."""
+        values = [value for values in lists for value in values]
+        return tuple(dict.fromkeys(values) if self.once else values) or None
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
@@ -108,7 +128,7 @@ class OutputUnitsType(ListOf):
 
     def __init__(self) -> None:
         super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
-        self.name = "units"
+        self.name = "unit,..."
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:
         return parse_output_units(value) if isinstance(value, str) else value
@@ -120,7 +140,7 @@ class Written(ValueType):
     Parameters
     ----------
     name : str
-        What it is.
+        What the help calls it, in capitals.
     read : callable
         Gives the value of a text; click.BadParameter, or UsageError, for one that is none.
     """
@@ -156,7 +176,7 @@ def span_at(count: int) -> Written:
             raise click.BadParameter(f"{text!r} is no range; write FIRST:LAST, such as 0.2:2")
         return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
 
-    return Written("range", read)
+    return Written("FIRST:LAST", read)
 
 
 def _span(text: str) -> tuple[float, float]:
@@ -174,10 +194,10 @@ def _period(text: str) -> float | None:
     return None if text.strip().upper() == "T1" else float(Number(0.0, min_open=True).convert(text, None, None))
 
 
-span = Written("span", _span)
+span = Written("LOW:HIGH", _span)
 """LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
 
-period = Written("period", _period)
+period = Written("T1|SECONDS", _period)
 """A period in s, or T1 for None: the first one of the building."""
 
 drift_size = Written("drift", parse_drift)
@@ -197,7 +217,7 @@ def intensity(*quantities: str) -> Written:
             raise click.BadParameter(f"{text!r}: write a number with its unit, such as {example}")
         return units
 
-    return Written("intensity", read)
+    return Written("value", read)
 
 
 def _pair_names(text: str) -> PairNames:
@@ -244,11 +264,12 @@ class PairWish:
 
 
 class Name(ValueType):
-    """A text, and the names that it completes to; they are asked for only then, and may take a while to load."""
+    """A text, and the names that it completes to, if any are known; they are asked for only then, and may take a while
+    to load."""
 
-    name = "text"
+    name = "name"
 
-    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+    def __init__(self, names: Callable[[], Iterable[str]] = tuple) -> None:
         self.names = names
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -324,13 +345,11 @@ class HeadedOption(click.Option):
     """An option that knows its heading, without which others of the command line it has nothing to act on, and whether
     it is `common`: shown by --help, too, and not by --help-all only."""
 
-    def __init__(
-        self, *arguments: Any, heading: str = OWN, needs: str = "", common: bool = False, **settings: Any
-    ) -> None:
+    def __init__(self, *arguments: Any, heading: str, needs: str = "", rare: bool = True, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
         self.heading = heading
         self.needs = needs
-        self.common = common
+        self.common = not rare
 
 
 if TYPE_CHECKING:
@@ -365,49 +384,38 @@ class Declaration(_Value):
     def __call__(self, command: Function) -> Function:
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
-    def of_field(self, name: str) -> Declaration:
-        """The same for a field of a request, which names what has no name, and is what the command gets it as."""
+    def of_field(self, name: str, kind: str) -> Declaration:
+        """The same for a field of a request, which names what has no name, and is what the command gets it as; one of
+        the kind `bool` is given by a flag."""
         flags = [flag for flag in self.names if flag.startswith("-")]
         if not flags and self.declare is click.option:
             flags = [f"--{name.replace('_', '-')}"]
-        return replace(self, names=(*flags, name))
+        settings = self.settings | ({"is_flag": True} if kind == "bool" else {})
+        return replace(self, names=(*flags, name), settings=settings)
 
 
 def option(
     *names: str,
     heading: str = OWN,
-    common: bool = False,
-    many: bool = False,
+    rare: bool = False,
     needs: str = "",
-    once: bool = True,
     behind: Sequence[Callable[[Any], Any]] = (),
     **settings: Any,
 ) -> Declaration:
     """As `click.option`, under a heading.
 
-    `common`: most people type it, so that `COMMAND --help` shows it, with the first clauses of
-    its help; all others stand in `--help-all` alone. A command has at most `COMMON` of them, and its help at most
-    `LINES` lines: what is declared once for many commands is common in all of them.
+    `rare`: most people never type it, so that it stands in `--help-all` alone; `COMMAND --help` shows all others, with
+    the first clauses of their help. A command has at most `COMMON` of these, and its help at most `LINES` lines: what
+    is declared once for many commands is shown by all of them.
 
     `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
     several, or one with one of these values, its default among them. Given alone the option is refused.
-
-    `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once
-    (or, without `once`, as they are), as a tuple, or None if there is none.
     """
-
-    def joined(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
-        values = [value for values in lists for value in values]
-        return tuple(dict.fromkeys(values) if once else values) or None
-
-    if many:
-        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": joined}
-    return Declaration(
-        click.option,
-        names,
-        settings | {"cls": HeadedOption, "heading": heading, "needs": needs, "common": common},
-        behind,
-    )
+    kind = settings.get("type")
+    if type(kind) is ListOf:
+        settings |= {"multiple": True, "callback": kind.joined}
+    settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
+    return Declaration(click.option, names, settings, behind)
 
 
 def argument(metavar: str, **settings: Any) -> Declaration:
@@ -423,7 +431,7 @@ def request(kind: type[Kind]) -> type[Kind]:
     for name in declared:
         delattr(kind, name)
     made = dataclass(frozen=True, kw_only=True)(kind)
-    _OPTIONS[made] = tuple(value.of_field(name) for name, value in declared.items())
+    _OPTIONS[made] = tuple(value.of_field(name, kind.__annotations__[name]) for name, value in declared.items())
     return made
 
 
@@ -439,21 +447,20 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
             own_values = {part.name: given.pop(part.name) for part in fields(kind)}
             return command(**given, **{among: kind(**own_values)})
 
-        return with_options(_OPTIONS[kind], collected)
+        return together(*_OPTIONS[kind])(collected)
 
     return declared
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
-    """Options that several commands have, in their order, as one declaration."""
-    return lambda command: with_options(declarations, command)
+    """Options, in their order, as one declaration."""
 
+    def declared(command: Function) -> Function:
+        for declaration in reversed(declarations):
+            command = declaration(command)
+        return command
 
-def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:
-    """The command with options, in their order."""
-    for declared in reversed(tuple(declarations)):
-        command = declared(command)
-    return command
+    return declared
 
 
 def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
@@ -488,13 +495,25 @@ def shown_when_asked(text: Callable[[click.Context], str]) -> Callable[[click.Co
 
 
 class HelpAsData(click.Command):
-    """A command whose help goes where its data go, with the same errors."""
+    """A command whose help goes where its data go, with the same errors; its options stand under headings."""
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         option = super().get_help_option(ctx)
         if option is not None:
             option.callback = shown_when_asked(click.Context.get_help)
         return option
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help of the options, a section for each heading."""
+        sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
+            if record is not None:
+                sections[getattr(parameter, "heading", GENERAL)].append(record)
+        for heading, records in sections.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records)
 
 
 COMMON, LINES = 20, 60
@@ -504,7 +523,7 @@ COMMON, LINES = 20, 60
 class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
-    `--help` shows the first two sentences of its function's docstring, `examples`, the options declared as `common` and
+    `--help` shows the first two sentences of its function's docstring, `examples`, the options that are not `rare` and
     `exits`, what an exit code means here; `--help-all` the whole docstring and all options under their headings.
     """
 
@@ -512,7 +531,7 @@ class Command(HelpAsData):
         self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
     ) -> None:
         text = "Show all options, and what the command does in detail, and exit."
-        all_help = _general(["--help-all"], shown_when_asked(self.all_help), text)
+        all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
         super().__init__(name, **settings)
         self.examples = examples
@@ -590,10 +609,6 @@ class Command(HelpAsData):
         super().format_help(ctx, formatter)
         return formatter.getvalue().rstrip("\n")
 
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options, a section for each heading."""
-        write_options(self.get_params(ctx), ctx, formatter)
-
 
 _FORMER = {
     "--drift-limit": ("--limit", "2%"),
@@ -657,19 +672,6 @@ def command(
     return click.command(name, cls=Command, examples=examples, exits=exits)
 
 
-def write_options(parameters: list[click.Parameter], ctx: click.Context, formatter: click.HelpFormatter) -> None:
-    """Write the help of options, a section for each heading."""
-    sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
-    for parameter in parameters:
-        record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
-        if record is not None:
-            sections[getattr(parameter, "heading", GENERAL)].append(record)
-    for heading, records in sections.items():
-        if records:
-            with formatter.section(heading):
-                formatter.write_dl(records)
-
-
 def general() -> list[click.Parameter]:
     """The options that every command has."""
     return [
@@ -685,13 +687,11 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
         if is_asked:
             setattr(ctx.ensure_object(Settings), field, True)
 
-    return _general(names, switch, text)
+    return flag(names, switch, text)
 
 
-def _general(
-    names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
-) -> HeadedOption:
-    """A flag that every command has, whose value nobody gets."""
+def flag(names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str) -> HeadedOption:
+    """A flag of all commands, or of none, whose value nobody gets."""
     return HeadedOption(
         names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=callback, help=text
     )

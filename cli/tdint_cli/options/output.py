@@ -9,26 +9,23 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
-from tdint.files import STDIN, keep_input
+from tdint.files import STDIN, check_outputs, is_folder, keep_input, write_files
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, OutputUnitsType
+from tdint_cli.options.grammar import FileName, Function, OutputUnitsType
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
     from tdint.files import Content
-    from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(grammar.option, heading=grammar.OUTPUT)
 
@@ -44,7 +41,7 @@ _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
     """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may write again."""
     kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
-    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, common=True, help=text)
+    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, help=text)
 
 
 def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
@@ -58,12 +55,12 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
         return None
     value = refuse_empty(context, parameter, value)
     # What names a folder may end in any way; a file says by its suffix what is written.
-    is_folder = "DIR" in kinds and value is not None and is_folder_name(value)
-    if value and kinds != ["FILE"] and is_parquet(value) and not is_folder:
+    to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
+    if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
         raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
-    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not is_folder:
+    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
         warn(f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE")
-    if value and "FILE" in kinds and not (Path(value).suffix or is_folder):
+    if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
             f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
@@ -78,8 +75,6 @@ def is_parquet(file: str | Path) -> bool:
 
 def is_folder_name(value: str) -> bool:
     """Whether -o names a folder: one that is there, or is named with a / at its end."""
-    from tdint.files import is_folder
-
     return value.endswith(("/", os.sep)) or is_folder(value)
 
 
@@ -90,9 +85,9 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     return value
 
 
-def check_report(value: str | None) -> str | None:
+def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """Refuse the name of another format."""
-    if value is not None and not value.lower().endswith((".html", ".htm")):
+    if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {value}: the page is HTML; name it .html")
     return value
 
@@ -104,7 +99,6 @@ def plot(text: str) -> grammar.Declaration:
         type=FileName(written=True),
         metavar="[FILE]",
         callback=refuse_empty,
-        common=True,
         help=text,
         behind=[style_of("--plot")],
     )
@@ -131,6 +125,7 @@ def style_of(needs: str) -> grammar.Declaration:
         expose_value=False,
         callback=_styled,
         metavar="LOOKS",
+        rare=True,
         help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 points, 600 dpi; "
         "a style sheet is matplotlib's. All words: \"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
         'label:moment4=present method".',
@@ -142,8 +137,6 @@ picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
-    metavar="UNIT,...",
-    common=True,
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
     "length, mass, velocity, acceleration: kip,in,g.",
 )
@@ -151,31 +144,22 @@ report = option(
     "--report",
     type=FileName(written=True),
     metavar="FILE.html",
-    callback=lambda context, parameter, value: check_report(refuse_empty(context, parameter, value)),
-    common=True,
+    callback=_page,
     help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
     "that needs no network and prints on A4.",
 )
-overwrite = option("--overwrite", is_flag=True, common=True, help="Replace existing outputs.")
-jobs = grammar.option(
-    "--jobs",
-    heading=grammar.GENERAL,
-    type=click.IntRange(1, 1024),
-    default=1,
-    metavar="N",
-    help="Processes that share the records; one by default. The output does not depend on it.",
-)
+overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 
 
-def threads(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
-    """The option --jobs of commands whose runs share this process; `text` says what the threads do."""
+def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
+    """The option --jobs; `text` says what the threads of this process do, or several processes."""
+    told = f"{text} by default. The output does not depend on it."
     return grammar.option(
-        "--jobs",
-        heading=heading,
-        type=click.IntRange(1, 1024),
-        metavar="N",
-        help=f"{text} by default. The output does not depend on it.",
+        "--jobs", heading=heading, type=click.IntRange(1, 1024), metavar="N", rare=True, help=told, **settings
     )
+
+
+jobs = threads("Processes that share the records; one", grammar.GENERAL, default=1)
 
 
 @dataclass(frozen=True)
@@ -216,8 +200,6 @@ class Outputs:
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
-        from tdint.files import check_outputs
-
         table = Path(output) if output else None
         if table and is_parquet(table):
             from tdint.output.tables.table import PARQUET
@@ -238,11 +220,6 @@ class Outputs:
         """The units of all that is written."""
         return self.units or SI
 
-    def page_units(self, model: Model) -> OutputUnits:
-        """The units of the page: those that the command line names, or the model's."""
-        context = click.get_current_context()
-        return cast("OutputUnits | None", context.params.get("output_units")) or model.page_units
-
     def else_in(self, units: OutputUnits) -> Outputs:
         """The same, in these units if the command line names none."""
         return self if self.units else replace(self, units=units)
@@ -256,7 +233,6 @@ class Outputs:
     ) -> None:
         """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that is more than the
         command line, what was read and what the columns mean, `page` that of --report."""
-        from tdint.files import write_files
         from tdint.output import figures
 
         assert draw or not self.picture, "a command without a drawing declares no --plot"
@@ -276,8 +252,7 @@ class Outputs:
         # The table goes to standard output before the files: a reader of a pipe need not wait for a picture.
         if not self.table:
             emit_table(table)
-        if files:
-            write_files(files, overwrite=self.overwrite)
+        write_files(files, overwrite=self.overwrite)
 
 
 def to_files(
@@ -294,21 +269,16 @@ def to_files(
     def declared(command: Function) -> Function:
         @functools.wraps(command)
         def collected(**given: Any) -> Any:
-            names = ("output", "plot", "overwrite", "output_units", "report")
-            asked = {name: given.pop(name, None) for name in names}
+            units, report = given.pop("output_units", None), given.pop("report", None)
             outputs = Outputs.checked(
-                asked["output"],
-                asked["plot"],
-                bool(asked["overwrite"]),
-                units=asked["output_units"],
-                report=asked["report"],
+                given.pop("output"), given.pop("plot", None), given.pop("overwrite"), units=units, report=report
             )
             return command(**given, outputs=outputs)
 
         plots = () if picture is None else (plot(picture),)
         pages = (report,) if page else ()
         declarations = (output(text=text), *plots, *pages, *more, *((units,) if in_units else ()), overwrite)
-        return grammar.with_options(declarations, cast(Function, collected))
+        return grammar.together(*declarations)(cast(Function, collected))
 
     return declared
 

@@ -6,23 +6,22 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from tdint.data import dataclass
 from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Nonzero, Number, SampleUnitsType
+from tdint_cli.options.grammar import FileName, Function, ListOf, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
     from tdint.ground_motion.reading.sample_units import SampleUnits
     from tdint.ground_motion.record import Record
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 option = partial(grammar.option, heading=grammar.RECORD)
+_rare = partial(option, rare=True)
 
 
 @dataclass(frozen=True)
@@ -70,17 +69,15 @@ def _units() -> list[str]:
 
 records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
 records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
-record = option(
+record = _rare(
     "--record",
     type=FileName(),
-    metavar="FILE",
     help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
     "--units",
     type=SampleUnitsType(_units),
     metavar="UNITS",
-    common=True,
     help="Units of the samples, or by file AT2=g,*.mseed=m/s^2; of all: m/s^2, cm/s^2, gal, "
     "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a velocity or a "
     "displacement (cm/s, cm), which is then differentiated. By file: a format or the end of a path each, or a table "
@@ -89,51 +86,33 @@ units = option(
 component = option(
     "--component",
     metavar="NAME",
-    common=True,
     help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
 )
-inventory = option(
+inventory = _rare(
     "--inventory",
     type=FileName(),
-    metavar="FILE",
     help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
     "the samples are.",
 )
-scale = option(
-    "--scale",
-    type=Nonzero(),
-    many=True,
-    once=False,
-    metavar="FACTOR",
-    common=True,
-    help="Factor on the ground acceleration, not zero.",
-)
-
-one_scale = option(
-    "--scale",
-    type=Nonzero(),
-    needs="RECORD",
-    metavar="FACTOR",
-    common=True,
-    help="Factor on the ground acceleration, not zero.",
-)
+_factor = partial(option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
+scale = _factor(type=ListOf(Nonzero(), once=False))
+one_scale = _factor(type=Nonzero(), needs="RECORD")
 
 _LAYOUT = (
-    option(
+    _rare(
         "--step",
         type=Number(0.0, min_open=True),
         metavar="SECONDS",
         help="Sampling interval of a text table that does not tell it; a file that does must agree.",
     ),
-    option(
+    _rare(
         "--column",
-        many=True,
-        type=click.STRING,
+        type=ListOf(click.STRING),
         metavar="N|NAME,...",
         help="Columns of a text table, by number, counted from 1, or name; by default those whose names are those of "
         "accelerations, else all but the time.",
     ),
-    option(
+    _rare(
         "--skip-lines",
         type=click.IntRange(0, 1_000_000),
         metavar="N",
@@ -142,31 +121,26 @@ _LAYOUT = (
 )
 
 _PROCESSING = (
-    option(
+    _rare(
         "--trim",
         metavar="START:END",
         help="Keep this part of the record, seconds from its first sample; an end may be left out.",
     ),
-    option(
+    _rare(
         "--baseline",
         type=click.Choice(["constant", "linear"]),
         help="Remove the mean, or the least-squares line, of the acceleration.",
     ),
-    option(
-        "--pad",
-        metavar="SECONDS|BEFORE:AFTER",
-        help="Add zeros before and after the record.",
-    ),
+    _rare("--pad", metavar="SECONDS|BEFORE:AFTER", help="Add zeros before and after the record."),
     option(
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        common=True,
         help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
     ),
-    option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
-    option("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
-    option(
+    _rare("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
+    _rare("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    _rare(
         "--resample",
         type=Number(0.0, min_open=True),
         metavar="DT",
@@ -181,49 +155,43 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 """The parameters by which a record is read and changed, but for its scale."""
 
 
-def processing(command: Function) -> Function:
-    """The options that change a record; the command gets them together, as `processing`.
+def _read_and_changed(command: Function) -> Function:
+    """The command gets what a text table does not tell together as `layout`, and what changes a record as `processing`.
 
     The steps are taken in the order of the options, whatever that of the command line.
     """
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
-        from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
+        from tdint.ground_motion.choice import Processing, TextLayout, parse_pad, parse_trim
 
-        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(Processing)}
+        layout, steps = (
+            {field.name: given.pop(field.name) for field in dataclasses.fields(kind)}
+            for kind in (TextLayout, Processing)
+        )
         for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
-            if chosen[name] is not None:
-                chosen[name] = parse(chosen[name])
-        return command(**given, processing=Processing(**chosen))
+            if steps[name] is not None:
+                steps[name] = parse(steps[name])
+        layout["column"] = layout["column"] or ()
+        return command(**given, layout=TextLayout(**layout), processing=Processing(**steps))
 
-    return cast(Function, grammar.with_options(_PROCESSING, collected))
-
-
-def layout(command: Function) -> Function:
-    """The options that tell what a text table does not; the command gets them together, as `layout`."""
-
-    @functools.wraps(command)
-    def collected(**given: Any) -> Any:
-        from tdint.ground_motion.choice import TextLayout
-
-        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
-        return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))
-
-    return cast(Function, grammar.with_options(_LAYOUT, collected))
+    return cast(Function, collected)
 
 
-of_records = grammar.together(records, units, component, layout, inventory, processing)
+_READ = (units, component, *_LAYOUT, inventory)
+_CHANGED = (*_PROCESSING, _read_and_changed)
+
+of_records = grammar.together(records, *_READ, *_CHANGED)
 """All that command lines with records as arguments have in common, for a RecordsRequest."""
 
-of_records_if_any = grammar.together(records_if_any, units, component, layout, inventory, processing)
+of_records_if_any = grammar.together(records_if_any, *_READ, *_CHANGED)
 """The same, where there need be none."""
 
-of_record = grammar.together(record, units, component, layout, inventory, scale, processing)
-"""The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
+of_motion = grammar.together(*_READ, scale, *_CHANGED)
+"""The options of a single record but --record, in place of a model's or beside it, for a BuildingRequest."""
 
-of_motion = grammar.together(units, component, layout, inventory, scale, processing)
-"""The same of a command that declares --record itself."""
+of_record = grammar.together(record, of_motion)
+"""The same with --record."""
 
 
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +15,7 @@ from tdint.output import figures, tables
 from tdint.system import processors
 from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import Number, grid
+from tdint_cli.options.grammar import ListOf, Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
     from tdint.written_numbers import Grid
 
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 
@@ -46,7 +43,7 @@ _PICTURE = output.plot(
 )
 
 
-def tables_of_records(*more: grammar.Declaration) -> Callable[[Function], Function]:
+def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
     return grammar.together(_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
 
@@ -60,12 +57,10 @@ def damping(needs: str = "") -> grammar.Declaration:
     """The option --damping, of what it `needs`."""
     return option(
         "--damping",
-        type=damping_ratio,
-        many=True,
+        type=ListOf(damping_ratio),
         default=(0.05,),
-        common=not needs,
+        rare=bool(needs),
         needs=needs,
-        metavar="RATIO,...",
         help="Damping ratios; 0.05 (or 5%) by default.",
     )
 
@@ -84,9 +79,8 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
     return option(
         "--period",
         "--periods",
-        type=_Periods(0.0, min_open=not zero),
-        many=True,
-        common=not needs,
+        type=ListOf(_Periods(0.0, min_open=not zero)),
+        rare=bool(needs),
         needs=needs,
         metavar="SECONDS|FIRST:LAST:COUNT,...",
         help=f"Periods, or so many in equal ratios, both ends included; {default} by default.{zero}",
@@ -112,6 +106,7 @@ def periods_as_given(given: Iterable[float | Grid] | None, default: str) -> list
 export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
+    rare=True,
     help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
 )
 _NEEDS = "--floor-spectra"
@@ -123,10 +118,8 @@ class FloorRequest:
 
     floors: tuple[str, ...] | None = option(
         _NEEDS,
-        type=click.STRING,
-        many=True,
+        type=ListOf(click.STRING),
         metavar="FLOOR,...",
-        common=True,
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, "
         f"or roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of "
         f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import FileName, PairsType, PairWish, Ratio
+from tdint_cli.options.analysis import damping_of
+from tdint_cli.options.grammar import FileName, ListOf, PairsType, PairWish, Ratio
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.intensity import IntensityMeasure
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
 
@@ -34,9 +33,7 @@ def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
         "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g or sa_m_s2."
     )
-    return grammar.option(
-        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", common=True, help=f"{text}: {named}"
-    )
+    return grammar.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
 
 
 def pairs(text: str) -> grammar.Declaration:
@@ -45,7 +42,6 @@ def pairs(text: str) -> grammar.Declaration:
         "--pairs",
         type=PairsType(PAIRS),
         metavar=f"[{'|'.join(PAIRS)}][,NAMES]",
-        common=True,
         help=f"{text} Files of a pair are named alike but for the component, or as NAMES says: "
         "'{}_a.txt,{}_b.txt'.",
     )
@@ -53,35 +49,11 @@ def pairs(text: str) -> grammar.Declaration:
 
 def damping(needs: str) -> grammar.Declaration:
     """The option --damping, of the measures that it `needs`."""
-    return option(
-        "--damping",
-        type=damping_ratio,
-        default=0.05,
-        needs=needs,
-        metavar="RATIO",
-        help="Damping ratio of Sa; 0.05 (or 5%) by default.",
-    )
-
-
-def measure(name: str, period: float | None, damping: float) -> IntensityMeasure:
-    """The intensity measure of a name: sa and sa-avg at a period (s), others without one."""
-    from tdint.campaign import intensity
-
-    if period is None:
-        return intensity.measure_of(name)
-    if name == "sa":
-        return intensity.sa(period, damping)
-    return intensity.sa_average(period, damping)
+    return damping_of("Sa", heading=grammar.INTENSITY, needs=needs, rare=True)
 
 
 threshold = partial(
-    grammar.option,
-    "--threshold",
-    type=Ratio(0.0, min_open=True),
-    many=True,
-    metavar="DRIFT,...",
-    common=True,
-    heading=grammar.ANALYSIS,
+    grammar.option, "--threshold", type=ListOf(Ratio(0.0, min_open=True)), metavar="DRIFT,...", heading=grammar.ANALYSIS
 )
 
 
