@@ -16,17 +16,7 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.campaigns import kept_words
-from tdint_cli.commands.many_runs import (
-    ALL_FILES,
-    MODES,
-    SEQUENCE,
-    SEVERAL,
-    SINGLE,
-    STORIES,
-    SUMMARY,
-    Request,
-    run_many,
-)
+from tdint_cli.commands.run_request import ALL_FILES, MODES, SEQUENCE, SEVERAL, SINGLE, STORIES, SUMMARY, Request
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
@@ -105,6 +95,8 @@ def command(request: Request) -> None:
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
         refuse_idle(SEVERAL, MODES)
         request.of_floors.check(request.output)
+        from tdint_cli.commands.many_runs import run_many
+
         run_many(request, named)
     else:
         refuse_idle(SINGLE, MODES)
