@@ -339,12 +339,15 @@ def carry_out(
     Failures
         Records that could not be read, when all else is done.
     """
+    from tdint.campaign.profiles import check_baseline
     from tdint.campaign.store import FILE, forget, open_store, remove
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
     for option, asked in (("--plot", request.plot), ("--baseline", request.baseline), ("--limit", request.limit)):
         if asked is not None and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
+    if request.baseline is not None:
+        check_baseline(request.baseline, (building.name for building in plan.buildings))
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     kept = None if shard is None else plan.buildings_of(shard.chunks(plan))

@@ -32,6 +32,7 @@ from tdint.ground_motion.horizontals import at_right_angles, motion_name
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.system import on_threads
 from tdint.units import Quantity
+from tdint.written_numbers import first_few
 
 DRIFT_RATIO = "peak_drift_ratio"
 _RANK = ("level", "")
@@ -171,6 +172,16 @@ class Ratios:
     max: Array
 
 
+def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
+    """Refuse a baseline that is none of the buildings of these names, or the only one (UsageError)."""
+    names = list(dict.fromkeys(buildings))
+    if baseline not in names:
+        near = did_you_mean(baseline, names)
+        raise UsageError(f"there is no building {baseline!r}{near}; there are {first_few(names, 10)}")
+    if len(names) == 1:
+        raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
+
+
 def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """Of all buildings over the one of this name, level by level; without that one itself.
 
@@ -179,13 +190,7 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     UsageError
         There is no such building, or it is the only one.
     """
-    names = list(dict.fromkeys(other.building for other in profiles))
-    if baseline not in names:
-        raise UsageError(
-            f"there is no building {baseline!r}{did_you_mean(baseline, names)}; there are {', '.join(names)}"
-        )
-    if len(names) == 1:
-        raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
+    check_baseline(baseline, (other.building for other in profiles))
     # By the texts of scale and level: nan is a key then, too.
     bases = {(repr(other.scale), repr(other.level)): other for other in profiles if other.building == baseline}
     compared = []

@@ -11,7 +11,7 @@ import hashlib
 import logging
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
@@ -184,14 +184,15 @@ def refuse_network(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Be the only one that writes into a folder, made if it is not there; the lock ends with the process, however that
-    ends.
+    """Be the only one that writes into a folder, made if it is not there (and gone again if nothing was written); the
+    lock ends with the process, however that ends.
 
     Raises
     ------
     OutputError
         It cannot be made; another process has it.
     """
+    is_new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -215,7 +216,14 @@ def locked(folder: Path) -> Iterator[None]:
             ) from None
         # Only who has the lock knows that unfinished files belong to nobody.
         remove_abandoned(folder)
-        yield
+        try:
+            yield
+        finally:
+            connection.close()
+            with suppress(OSError):
+                if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
+                    (folder / LOCK).unlink()
+                    folder.rmdir()
 
 
 # ---- Schema
