@@ -144,12 +144,18 @@ class Demands(Generic[Found]):
 DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if isinstance(demand, Demand))
 """The demands of `Demands`."""
 
+_SAID = frozenset((
+    "peak_drift", "peak_drift_ratio", "residual_drift", "peak_shear", "peak_total_shear", "ductility",
+    "peak_displacement", "peak_velocity", "peak_acceleration",
+))  # fmt: skip
+"""Quantities of a story that the demands above are made of, or say better."""
+
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
         Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
         for quantity in STORY
-        if quantity.name == "peak_damper_force"
+        if quantity.name not in _SAID
     ),
 )
 """What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
