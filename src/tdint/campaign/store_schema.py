@@ -206,6 +206,7 @@ def locked(folder: Path) -> Iterator[None]:
         raise OutputError(f"{folder}: cannot be written: {error}") from None
     with closing(connection):
         try:
+            connection.execute("PRAGMA journal_mode=MEMORY")  # nothing lies beside the lock
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
             reason = "another tdint is at work on it" if "locked" in str(error) else str(error)
@@ -219,7 +220,7 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            connection.close()
+            # While the lock is held: nobody else's goes.
             with suppress(OSError):
                 if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
                     (folder / LOCK).unlink()
