@@ -250,8 +250,8 @@ class RelativeErrors:
     """Relative errors by their names: `Errors` of a motion, or of peaks alone `profiles.PeakErrors`."""
 
     def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
-        return float(getattr(self, quantity.replace("-", "_"), math.nan))
+        """One of the errors by its name, with a hyphen or an underscore in it."""
+        return float(getattr(self, quantity.replace("-", "_")))
 
     @property
     def worst(self) -> float:

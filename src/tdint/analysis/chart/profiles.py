@@ -95,6 +95,10 @@ class PeakErrors(RelativeErrors):
     peak_acceleration: float
     peak_total_shear: float
 
+    def of(self, quantity: str) -> float:
+        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
+        return float(getattr(self, quantity.replace("-", "_"), math.nan))
+
     @classmethod
     def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
         """Of some peaks against those that are true."""
